@@ -1,0 +1,99 @@
+#include "core/imaging/carm.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+namespace fluorocut {
+namespace {
+
+Vector2 pixelFromPlane(const CArm& carm, const Vector2& plane_mm) {
+    return plane_mm.cwiseQuotient(carm.pixel_mm) + carm.principal_point_px;
+}
+
+Vector2 planeFromPixel(const CArm& carm, const Vector2& pixel) {
+    return (pixel - carm.principal_point_px).cwiseProduct(carm.pixel_mm);
+}
+
+// A distortion lives in the millimetres of the whole detector, so it survives a crop or a binning as it is.
+constexpr int kMaxPixels = 16384;
+
+}  // namespace
+
+Result<void> CArm::validate() const {
+    if (!(columns >= 1 && columns <= kMaxPixels)) {
+        return invalidOption("columns", fmt::format("{}", columns), fmt::format("1 to {} pixels", kMaxPixels));
+    }
+    if (!(rows >= 1 && rows <= kMaxPixels)) {
+        return invalidOption("rows", fmt::format("{}", rows), fmt::format("1 to {} pixels", kMaxPixels));
+    }
+    for (int axis = 0; axis < 2; ++axis) {
+        if (!(pixel_mm[axis] >= 1e-3 && pixel_mm[axis] <= 100)) {
+            return invalidOption(fmt::format("pixel_mm[{}]", axis), fmt::format("{}", pixel_mm[axis]),
+                                 "0.001 to 100 mm");
+        }
+        if (!(std::abs(principal_point_px[axis]) <= 1e6)) {
+            return invalidOption(fmt::format("principal_point_px[{}]", axis),
+                                 fmt::format("{}", principal_point_px[axis]), "-1e6 to 1e6 pixels");
+        }
+    }
+    if (!(focal_length_mm >= 10 && focal_length_mm <= 10000)) {
+        return invalidOption("focal_length_mm", fmt::format("{}", focal_length_mm), "10 to 10000 mm");
+    }
+    return {};
+}
+
+Vector2 CArm::projectIdeal(const Vector3& point_in_imager) const {
+    if (!(point_in_imager.z() > 0)) return Vector2::Constant(std::numeric_limits<double>::quiet_NaN());
+    return pixelFromPlane(*this, focal_length_mm / point_in_imager.z() * point_in_imager.head<2>());
+}
+
+Vector2 CArm::project(const Vector3& point_in_imager) const {
+    const Vector2 ideal_px = projectIdeal(point_in_imager);
+    return distortion ? distortedPixel(ideal_px) : ideal_px;
+}
+
+Vector3 CArm::detectorPoint(const Vector2& pixel) const {
+    Vector2 plane = planeFromPixel(*this, pixel);
+    if (distortion) plane = distortion->undistorted(plane);
+    return {plane.x(), plane.y(), focal_length_mm};
+}
+
+Vector2 CArm::idealPixel(const Vector2& distorted_px) const {
+    if (!distortion) return distorted_px;
+    return pixelFromPlane(*this, distortion->undistorted(planeFromPixel(*this, distorted_px)));
+}
+
+Vector2 CArm::distortedPixel(const Vector2& ideal_px) const {
+    if (!distortion) return ideal_px;
+    return pixelFromPlane(*this, distortion->distorted(planeFromPixel(*this, ideal_px)));
+}
+
+CArm CArm::ideal() const {
+    CArm result = *this;
+    result.distortion = nullptr;
+    return result;
+}
+
+CArm CArm::binned(int factor) const {
+    if (factor < 1 || columns < factor || rows < factor) throw std::logic_error("CArm::binned: bad factor");
+    CArm result = *this;
+    result.columns = columns / factor;
+    result.rows = rows / factor;
+    result.pixel_mm = pixel_mm * factor;
+    result.principal_point_px = (principal_point_px.array() - 0.5 * (factor - 1)) / factor;
+    return result;
+}
+
+CArm CArm::cropped(int x, int y, int width, int height) const {
+    if (width < 1 || height < 1) throw std::logic_error("CArm::cropped: empty region");
+    CArm result = *this;
+    result.columns = width;
+    result.rows = height;
+    result.principal_point_px -= Vector2(x, y);
+    return result;
+}
+
+}  // namespace fluorocut

@@ -1,0 +1,81 @@
+#include "core/io/atomic_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace fluorocut {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+bool syncPath(const fs::path& path, int flags) {
+    const int file = ::open(path.c_str(), flags);
+    if (file < 0) return false;
+    const bool synced = ::fsync(file) == 0;
+    return (::close(file) == 0) && synced;
+}
+
+// Removes the temporary file unless it became the target.
+class Remover {
+  public:
+    explicit Remover(fs::path path) : path_(std::move(path)) {}
+    ~Remover() {
+        std::error_code ignored;
+        if (!path_.empty()) fs::remove(path_, ignored);
+    }
+    Remover(const Remover&) = delete;
+    Remover& operator=(const Remover&) = delete;
+    void keep() { path_.clear(); }
+
+  private:
+    fs::path path_;
+};
+
+}  // namespace
+
+Result<void> writeWhole(const fs::path& target, const std::function<Result<void>(const fs::path&)>& write) {
+    const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+    std::error_code code;
+    if (!fs::is_directory(folder, code)) {
+        return outputFailed(target.string(), "no folder " + folder.string(), "create it or name another output");
+    }
+    if (fs::is_directory(target, code)) {
+        return outputFailed(target.string(), "a folder of that name", "name a file");
+    }
+    std::string pattern = (folder / (".fluorocut-XXXXXX" + target.extension().string())).string();
+    const int file = ::mkstemps(pattern.data(), static_cast<int>(target.extension().string().size()));
+    if (file < 0) return outputFailed(target.string(), std::string("no file can be made: ") + std::strerror(errno));
+    ::fchmod(file, 0644);
+    ::close(file);
+    Remover remover{fs::path(pattern)};
+
+    const Result<void> written = write(pattern);
+    if (!written) return written.error();
+    if (!syncPath(pattern, O_RDWR)) {
+        return outputFailed(target.string(), std::string("not written to the disk: ") + std::strerror(errno),
+                            "free some space");
+    }
+    fs::rename(pattern, target, code);
+    if (code) return outputFailed(target.string(), "cannot be replaced: " + code.message());
+    remover.keep();
+    syncPath(folder, O_RDONLY | O_DIRECTORY);
+    return {};
+}
+
+Result<void> writeWhole(const fs::path& target, std::string_view content) {
+    return writeWhole(target, [&](const fs::path& temporary) -> Result<void> {
+        std::ofstream stream(temporary, std::ios::binary);
+        stream.write(content.data(), static_cast<std::streamsize>(content.size()));
+        stream.close();
+        if (!stream) return outputFailed(target.string(), "not all of it could be written", "free some space");
+        return {};
+    });
+}
+
+}  // namespace fluorocut
