@@ -1,0 +1,97 @@
+# Sourced by run.sh and test.sh: from a bare Debian machine to a build, with a few calm lines on the way.
+# Full logs go to build/*.log; what fails shows the end of its log and the log's name.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+mkdir -p build
+
+# Wall time since the start, then the sentence.
+say() { printf '%3d:%02d  %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$*"; }
+
+# give_up LOG SENTENCE...
+give_up() {
+    local log=$1
+    shift
+    printf '\n%s\n' "--- the end of $log ---"
+    tail -n 60 "$log" 2>/dev/null || true
+    printf '%s\n\n' "--- all of it: $PWD/$log ---"
+    say "$*"
+    exit 1
+}
+
+# quietly LOG COMMAND...: nothing on the screen unless it fails.
+quietly() {
+    local log=$1
+    shift
+    "$@" >"$log" 2>&1 </dev/null || give_up "$log" "failed: $*"
+}
+
+# The packages of the given sections of packages.txt.
+packages_of() {
+    awk -v wanted=" $* " '
+        { sub(/#.*/, "") }
+        /^\[/ { gsub(/[][ \t]/, ""); active = index(wanted, " " $0 " "); next }
+        active && NF { print $1 }' packaging/packages.txt
+}
+
+as_root() {
+    if [ "$(id -u)" = 0 ]; then
+        env DEBIAN_FRONTEND=noninteractive "$@"
+    else
+        sudo env DEBIAN_FRONTEND=noninteractive "$@"
+    fi
+}
+
+apt_update_and_install() {
+    as_root apt-get -q -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 update
+    as_root apt-get -q -y -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 install --no-install-recommends "$@"
+}
+
+# install_packages SECTION...: what is missing of these sections; takes no time when nothing is.
+install_packages() {
+    local wanted installed missing
+    wanted=$(packages_of "$@" | sort -u)
+    installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' $wanted 2>/dev/null | sed -n 's/^installed //p' | sort -u) || true
+    missing=$(comm -23 <(echo "$wanted") <(echo "$installed"))
+    if [ -z "$missing" ]; then
+        say "Debian packages: all there"
+        return
+    fi
+    if ! command -v apt-get >/dev/null; then
+        say "These packages are missing and there is no apt-get to install them:" $missing
+        exit 1
+    fi
+    if [ "$(id -u)" != 0 ]; then
+        if ! command -v sudo >/dev/null; then
+            say "These packages are missing; install them as root, or install sudo:" $missing
+            exit 1
+        fi
+        # Where a password is needed, ask for it here, not inside a log.
+        if ! sudo -n true 2>/dev/null && ! sudo -v; then
+            say "sudo was refused. Install as root:" $missing
+            exit 1
+        fi
+    fi
+    say "Debian packages: installing $(echo "$missing" | wc -l) and what they need"
+    quietly build/install.log apt_update_and_install $missing
+}
+
+# Release into build/, with all cores.
+build_release() {
+    # A cache for compiled files even where the home folder cannot be written.
+    if [ -z "${CCACHE_DIR:-}" ] && ! mkdir -p "${HOME:-/nonexistent}/.cache/ccache" 2>/dev/null; then
+        export CCACHE_DIR=$PWD/build/ccache
+    fi
+    say "configuring"
+    quietly build/configure.log cmake --preset release
+    say "building with $(nproc) cores"
+    quietly build/build.log cmake --build build --parallel "$(nproc)"
+}
+
+# The main job: the best picture there is. Saved in output/, and shown where there is a screen.
+run_main_job() {
+    mkdir -p output
+    say "simulated fluoroscopy of the built-in femur, AP and lateral"
+    quietly build/run.log build/bin/fluorocut-cli drr --ct femur --view ap -o output/femur-ap.png
+    quietly build/run.log build/bin/fluorocut-cli drr --ct femur --view lateral -o output/femur-lateral.png
+    say "saved: output/femur-ap.png, output/femur-lateral.png"
+}
