@@ -1,0 +1,175 @@
+#include "core/geometry/primitives.h"
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+namespace fluorocut {
+namespace {
+
+void require(bool condition, const char* what) {
+    if (!condition) throw std::logic_error(what);
+}
+
+TriangleMesh icosahedron() {
+    const double g = std::numbers::phi;
+    TriangleMesh mesh;
+    mesh.vertices = {{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
+                     {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
+    mesh.triangles = {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+                      {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+                      {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
+    for (Vector3& v : mesh.vertices)
+        v.normalize();
+    return mesh;
+}
+
+}  // namespace
+
+TriangleMesh makeBox(const Vector3& size_mm) {
+    require((size_mm.array() > 0).all() && size_mm.allFinite(), "makeBox: a size that is not positive");
+    TriangleMesh mesh;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vector3 sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+        mesh.vertices.push_back(0.5 * sign.cwiseProduct(size_mm));
+    }
+    mesh.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                      {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+    return mesh;
+}
+
+TriangleMesh makeSphere(double radius_mm, int subdivisions) {
+    return makeEllipsoid(Vector3::Constant(radius_mm), subdivisions);
+}
+
+TriangleMesh makeEllipsoid(const Vector3& radii_mm, int subdivisions) {
+    require((radii_mm.array() > 0).all() && radii_mm.allFinite(), "makeEllipsoid: a radius that is not positive");
+    require(subdivisions >= 0 && subdivisions <= 9, "makeEllipsoid: subdivisions outside 0 to 9");
+    TriangleMesh mesh = icosahedron();
+    for (int level = 0; level < subdivisions; ++level) {
+        std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> middles;
+        const auto middle = [&](std::int32_t a, std::int32_t b) {
+            const auto [it, fresh] =
+                middles.try_emplace(std::minmax(a, b), static_cast<std::int32_t>(mesh.vertices.size()));
+            if (fresh) {
+                const Vector3 sum =
+                    mesh.vertices[static_cast<std::size_t>(a)] + mesh.vertices[static_cast<std::size_t>(b)];
+                mesh.vertices.push_back(sum.normalized());
+            }
+            return it->second;
+        };
+        std::vector<Triangle> finer;
+        finer.reserve(4 * mesh.triangles.size());
+        for (const auto& [a, b, c] : mesh.triangles) {
+            const std::int32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+            finer.insert(finer.end(), {{a, ab, ca}, {b, bc, ab}, {c, ca, bc}, {ab, bc, ca}});
+        }
+        mesh.triangles = std::move(finer);
+    }
+    for (Vector3& v : mesh.vertices)
+        v = v.cwiseProduct(radii_mm);
+    return mesh;
+}
+
+TriangleMesh makeLoft(const std::vector<LoftSection>& sections, int segments) {
+    require(segments >= 3 && sections.size() >= 2, "makeLoft: fewer than 3 segments or 2 sections");
+    TriangleMesh mesh;
+    const auto add = [&](const Vector3& v) {
+        mesh.vertices.push_back(v);
+        return static_cast<std::int32_t>(mesh.vertices.size() - 1);
+    };
+    // Each ring is `segments` vertices counter-clockwise seen from +z, or one vertex where a section is a point.
+    struct Ring {
+        std::int32_t first;
+        bool point;
+    };
+    std::vector<Ring> rings;
+    for (std::size_t s = 0; s < sections.size(); ++s) {
+        const LoftSection& section = sections[s];
+        const bool point = section.half_width_mm == Vector2::Zero();
+        require(s == 0 || section.z_mm > sections[s - 1].z_mm, "makeLoft: z does not increase");
+        require(point || ((section.half_width_mm.array() > 0).all() && section.exponent > 0),
+                "makeLoft: a section without width");
+        require(!point || ((s == 0 || s + 1 == sections.size()) && !(s == 1 && rings[0].point)),
+                "makeLoft: a point that is not an end, or nothing but points");
+        const Vector3 center(section.center_mm.x(), section.center_mm.y(), section.z_mm);
+        rings.push_back({static_cast<std::int32_t>(mesh.vertices.size()), point});
+        if (point) add(center);
+        for (int i = 0; i < segments && !point; ++i) {
+            const double angle = 2 * std::numbers::pi * i / segments;
+            const Vector2 unit(std::cos(angle), std::sin(angle));
+            const double radius = std::pow(
+                std::pow(std::abs(unit.x()), section.exponent) + std::pow(std::abs(unit.y()), section.exponent),
+                -1 / section.exponent);
+            const Vector2 xy = radius * unit.cwiseProduct(section.half_width_mm);
+            add(center + Vector3(xy.x(), xy.y(), 0));
+        }
+    }
+    for (int i = 0; i < segments; ++i) {
+        const int j = (i + 1) % segments;
+        for (std::size_t s = 0; s + 1 < rings.size(); ++s) {
+            const Ring low = rings[s], high = rings[s + 1];
+            if (!low.point) mesh.triangles.push_back({low.first + i, low.first + j, high.first + (high.point ? 0 : j)});
+            if (!high.point)
+                mesh.triangles.push_back({low.first + (low.point ? 0 : i), high.first + j, high.first + i});
+        }
+    }
+    const auto cap = [&](const LoftSection& section, const Ring& ring, bool top) {
+        if (ring.point) return;
+        const std::int32_t hub = add({section.center_mm.x(), section.center_mm.y(), section.z_mm});
+        for (int i = 0; i < segments; ++i) {
+            const int j = (i + 1) % segments;
+            mesh.triangles.push_back({hub, ring.first + (top ? i : j), ring.first + (top ? j : i)});
+        }
+    };
+    cap(sections.front(), rings.front(), false);
+    cap(sections.back(), rings.back(), true);
+    return mesh;
+}
+
+TriangleMesh makeCylinder(double radius_mm, double length_mm, int segments) {
+    return makeFrustum(radius_mm, radius_mm, length_mm, segments);
+}
+
+TriangleMesh makeFrustum(double radius_low_mm, double radius_high_mm, double length_mm, int segments) {
+    LoftSection low, high;
+    low.z_mm = -length_mm / 2;
+    low.half_width_mm.setConstant(radius_low_mm);
+    high.z_mm = length_mm / 2;
+    high.half_width_mm.setConstant(radius_high_mm);
+    return makeLoft({low, high}, segments);
+}
+
+TriangleMesh makeStem(const StemShape& shape) {
+    const double rounding = 0.75 * shape.tip_width_mm.maxCoeff();  // length of the rounded tip
+    require(shape.length_mm > 2 * rounding && (shape.tip_width_mm.array() > 0).all() &&
+                (shape.top_width_mm.array() >= shape.tip_width_mm.array()).all() && shape.sections >= 4,
+            "makeStem: a stem that is too short, too coarse or wider at its tip");
+    // A quarter of the sections round the tip; they are dense there because the angle, not the height, is stepped.
+    const int round_sections = shape.sections / 4;
+    std::vector<LoftSection> sections;
+    for (int s = 0; s < shape.sections; ++s) {
+        const bool tip = s < round_sections;
+        const double quarter = 0.5 * std::numbers::pi * s / round_sections;
+        const double above = tip ? rounding * (1 - std::cos(quarter))
+                                 : rounding + (shape.length_mm - rounding) * (s - round_sections) /
+                                                  (shape.sections - 1 - round_sections);
+        const double t = above / shape.length_mm;
+        const double shrink = tip ? std::sin(quarter) : 1;
+        // y tapers evenly; x evenly too, but for half of its growth, which the medial flank gains toward the top (t^4).
+        const Vector2 growth = shape.top_width_mm - shape.tip_width_mm;
+        const Vector2 width = shape.tip_width_mm + Vector2(0.5 * growth.x() * (t + std::pow(t, 4)), growth.y() * t);
+        LoftSection section;
+        section.z_mm = above - shape.length_mm;
+        section.center_mm = {0.25 * growth.x() * std::pow(t, 4), 0};
+        section.half_width_mm = 0.5 * shrink * width;
+        section.exponent = shape.exponent;
+        sections.push_back(section);
+    }
+    sections.back().z_mm = 0;
+    return makeLoft(sections, shape.segments);
+}
+
+}  // namespace fluorocut
