@@ -1,13 +1,14 @@
 // Line integrals of attenuation through a CT: digitally reconstructed radiographs, the engine of registration, cavity
 // location and planning overlays.
 //
-//     image(pixel) = integral of mu ds from the source to the detector,    mu = max(0, mu_water (1 + HU / 1000))  [1/mm]
+//     image(pixel) = integral of mu ds from the source to the detector,    mu = max(0, mu_water (1 + HU / 1000)) [1/mm]
 //
-// as a float32 image without unit, in the pixels of the given C-arm. `imager_from_volume` is the pose of the volume's
-// frame (for a CT: imager_from_femur). Outside the volume there is air.
+// as a float32 image without unit (a pure number), in the pixels of the given C-arm. `imager_from_volume` is the pose
+// of the volume's frame (for a CT: imager_from_femur). Outside the volume there is air.
 //
 // Two methods:
-//  * fast   Slice by slice. The volume axis nearest to the central ray is the main axis; a central projection of one slice
+//  * fast   Slice by slice. The volume axis nearest to the central ray is the main axis; a central projection of one
+//  slice
 //           onto a base plane parallel to it is a scale and a shift, so each slice is added to the base image with
 //           separable bilinear weights, and one perspective warp (cubic) takes the base image to the detector. Joseph's
 //           rule (Joseph 1982) up to that last interpolation. Falls back to `exact` where a ray is more than 75 degrees
