@@ -98,8 +98,11 @@ int run(int argc, char** argv) {
             "Exit codes: 0 done, 1 done but a limit failed, 2 wrong usage, 3 bad input, 4 no solution,\n"
             "5 cancelled, 70 a fault of FluoroCut, 73 a result could not be written.");
         std::vector<Command> commands;
-        for (const Declare declare : kCommands)
+        for (const Declare declare : kCommands) {
             commands.push_back(declare(app));
+            CLI::App* command = commands.back().app;
+            command->footer(command->get_footer() + "\n\nWith --json: exactly one JSON object on stdout.");
+        }
 
         try {
             app.parse(argc, argv);

@@ -68,7 +68,7 @@ TEST_P(Room, OpensEveryHeaderWithItsPurpose) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(House, Room, testing::Values("app", "core", "tests"),
+INSTANTIATE_TEST_SUITE_P(House, Room, testing::Values("app", "core", "tests", "ui"),
                          [](const auto& room) { return room.param; });
 
 TEST(House, CoreLibrariesLinkOnlyWhatTheyMay) {
