@@ -1,0 +1,247 @@
+#include "core/imaging/xray_physics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "core/base/parallel.h"
+#include "core/base/random.h"
+#include "core/image/blur.h"
+
+namespace fluorocut {
+namespace {
+
+constexpr std::size_t kRowsPerPiece = 8;
+constexpr int kLargestKernel = 63;
+
+void forRows(int rows, const std::function<void(int)>& body) {
+    parallelFor(static_cast<std::size_t>(rows), kRowsPerPiece, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t y = begin; y < end; ++y)
+            body(static_cast<int>(y));
+    });
+}
+
+// One random stream per row and purpose.
+enum class Stream : std::uint64_t { quanta = 0, electronics = 1 };
+
+Random rowStream(const Random& seeded, int y, Stream stream) {
+    return seeded.fork(2 * static_cast<std::uint64_t>(y) + static_cast<std::uint64_t>(stream));
+}
+
+void addQuantumNoise(Image& expected, const Random& seeded) {
+    forRows(expected.height(), [&](int y) {
+        Random random = rowStream(seeded, y, Stream::quanta);
+        float* row = expected.row(y);
+        for (int x = 0; x < expected.width(); ++x)
+            row[x] = static_cast<float>(random.poisson(std::max(0.0f, row[x])));
+    });
+}
+
+double meanOf(const Image& image) {
+    double sum = 0;
+    for (const float value : image.pixels())
+        sum += value;
+    return sum / static_cast<double>(image.size());
+}
+
+double automaticGain(const Image& noise_free, const XrayOptions& options) {
+    if (options.bits == 0) return 1;
+    // Below a thousandth of the open beam there is lead, not anatomy: it does not drag the mean to nothing.
+    const auto floor = static_cast<float>(1e-3 * options.photons_per_pixel);
+    std::vector<double> rows(static_cast<std::size_t>(noise_free.height()));
+    forRows(noise_free.height(), [&](int y) {
+        double sum = 0;
+        for (int x = 0; x < noise_free.width(); ++x)
+            sum += std::log(std::max(floor, noise_free(x, y)));
+        rows[static_cast<std::size_t>(y)] = sum;
+    });
+    const double mean_log = std::accumulate(rows.begin(), rows.end(), 0.0) / static_cast<double>(noise_free.size());
+    const double full_scale = std::ldexp(1.0, options.bits) - 1;
+    return std::max(options.brightness * full_scale - options.offset, 1e-6 * full_scale) / std::exp(mean_log);
+}
+
+Result<void> inRange(const char* field, double value, double low, double high, const char* unit) {
+    if (value >= low && value <= high) return {};
+    return invalidOption(field, fmt::format("{}", value),
+                         fmt::format("{} to {}{}{}", low, high, *unit ? " " : "", unit));
+}
+
+Result<void> validKernel(const char* field, const std::optional<Image>& kernel) {
+    if (!kernel) return {};
+    const int width = kernel->width(), height = kernel->height();
+    if (width % 2 == 0 || height % 2 == 0 || width > kLargestKernel || height > kLargestKernel) {
+        return invalidOption(field, fmt::format("{} x {} pixels", width, height),
+                             fmt::format("odd sizes from 1 to {}", kLargestKernel));
+    }
+    double sum = 0;
+    for (const float weight : kernel->pixels()) {
+        if (!(weight >= 0 && std::isfinite(weight))) {
+            return invalidOption(field, fmt::format("a weight of {}", weight), "finite weights of at least 0");
+        }
+        sum += weight;
+    }
+    if (!(sum > 0)) return invalidOption(field, "weights that are all 0", "a positive sum");
+    return {};
+}
+
+}  // namespace
+
+XrayOptions XrayOptions::ideal(double photons_per_pixel) {
+    XrayOptions options;
+    options.photons_per_pixel = photons_per_pixel;
+    options.focal_spot_mm = 0;
+    options.scatter_per_attenuation = 0;
+    options.detector_blur_px = 0;
+    options.glare_fraction = 0;
+    options.quantum_noise = false;
+    options.electronic_noise_photons = 0;
+    options.gain = 1;
+    options.bits = 0;
+    return options;
+}
+
+Result<void> XrayOptions::validate() const {
+    struct Range {
+        const char* field;
+        double value, low, high;
+        const char* unit;
+    };
+    const Range ranges[] = {
+        {"photons_per_pixel", photons_per_pixel, 1e-3, 1e9, "photons"},
+        {"focal_spot_mm", focal_spot_mm, 0, 10, "mm"},
+        {"object_depth_mm", object_depth_mm, 1, 10000, "mm"},
+        {"scatter_per_attenuation", scatter_per_attenuation, 0, 10, ""},
+        {"scatter_sigma_mm", scatter_sigma_mm, 0, 1000, "mm"},
+        {"detector_blur_px", detector_blur_px, 0, 100, "px"},
+        {"glare_fraction", glare_fraction, 0, 1, ""},
+        {"glare_sigma_mm", glare_sigma_mm, 0, 1000, "mm"},
+        {"electronic_noise_photons", electronic_noise_photons, 0, 1e6, "photons"},
+        {"gain", gain.value_or(1), 1e-9, 1e9, "levels per photon"},
+        {"brightness", brightness, 0.001, 1, "of the full scale"},
+        {"offset", offset, -65535, 65535, "levels"},
+    };
+    for (const Range& range : ranges) {
+        if (auto ok = inRange(range.field, range.value, range.low, range.high, range.unit); !ok) return ok;
+    }
+    if (!(bits == 0 || (bits >= 8 && bits <= 16))) {
+        return invalidOption("bits", fmt::format("{}", bits), "8 to 16, or 0 for real numbers");
+    }
+    if (auto ok = validKernel("focal_kernel", focal_kernel); !ok) return ok;
+    return validKernel("detector_kernel", detector_kernel);
+}
+
+double penumbraSigmaPx(const CArm& carm, double focal_spot_mm, double object_depth_mm) {
+    const double magnification = carm.focal_length_mm / object_depth_mm;
+    return focal_spot_mm / std::sqrt(12.0) * (magnification - 1) / carm.pixel_mm.mean();
+}
+
+Image expectedQuanta(const Image& line_integrals, const CArm& carm, const XrayOptions& options) {
+    const int width = line_integrals.width(), height = line_integrals.height();
+    const bool with_scatter = options.scatter_per_attenuation > 0;
+    Image primary(width, height);
+    Image scatter(with_scatter ? width : 0, with_scatter ? height : 0);
+    const auto open_beam = static_cast<float>(options.photons_per_pixel);
+    const auto scatter_factor = static_cast<float>(options.scatter_per_attenuation);
+    forRows(height, [&](int y) {
+        const float* in = line_integrals.row(y);
+        float* out = primary.row(y);
+        for (int x = 0; x < width; ++x)
+            out[x] = open_beam * std::exp(-in[x]);
+        if (!with_scatter) return;
+        float* scattered = scatter.row(y);
+        for (int x = 0; x < width; ++x)
+            scattered[x] = scatter_factor * out[x] * std::max(0.0f, in[x]);
+    });
+    if (options.focal_kernel) {
+        primary = convolved(primary, *options.focal_kernel);
+    } else {
+        primary = gaussianBlurred(primary, penumbraSigmaPx(carm, options.focal_spot_mm, options.object_depth_mm));
+    }
+    if (with_scatter) {
+        scatter = gaussianBlurred(scatter, options.scatter_sigma_mm / carm.pixel_mm.mean());
+        forRows(height, [&](int y) {
+            for (int x = 0; x < width; ++x)
+                primary(x, y) += scatter(x, y);
+        });
+    }
+    return primary;
+}
+
+Image detectorSpread(Image quanta, const CArm& carm, const XrayOptions& options) {
+    if (options.detector_kernel) {
+        quanta = convolved(quanta, *options.detector_kernel);
+    } else {
+        quanta = gaussianBlurred(quanta, options.detector_blur_px);
+    }
+    if (options.glare_fraction > 0) {
+        const Image glare = gaussianBlurred(quanta, options.glare_sigma_mm / carm.pixel_mm.mean());
+        const auto fraction = static_cast<float>(options.glare_fraction);
+        forRows(quanta.height(), [&](int y) {
+            for (int x = 0; x < quanta.width(); ++x)
+                quanta(x, y) += fraction * (glare(x, y) - quanta(x, y));
+        });
+    }
+    return quanta;
+}
+
+Result<Exposure> expose(const Image& line_integrals, const CArm& carm, const XrayOptions& options) {
+    if (auto ok = carm.validate(); !ok) return ok.error();
+    if (auto ok = options.validate(); !ok) return ok.error();
+    if (line_integrals.width() != carm.columns || line_integrals.height() != carm.rows) {
+        throw std::logic_error("expose: the image of line integrals does not have the C-arm's size");
+    }
+    if (!(options.object_depth_mm <= carm.focal_length_mm)) {
+        return invalidOption("object_depth_mm", fmt::format("{}", options.object_depth_mm),
+                             fmt::format("at most the focal length, {} mm", carm.focal_length_mm));
+    }
+    for (const float value : line_integrals.pixels()) {
+        // A little below zero is an object that displaces more than its own attenuation; e^10 times the beam is not.
+        if (!(value >= -10 && std::isfinite(value))) {
+            return invalidInput("line integrals", fmt::format("{}", value), "finite numbers of at least -10");
+        }
+    }
+
+    Exposure exposure;
+    const Random seeded(options.seed);
+    Image quanta = expectedQuanta(line_integrals, carm, options);
+    exposure.mean_photons = meanOf(quanta);
+    const bool needs_expectation = !options.gain.has_value() || !options.correlated_noise || !options.quantum_noise;
+    Image expected = needs_expectation ? detectorSpread(quanta, carm, options) : Image();
+    exposure.gain = options.gain ? *options.gain : automaticGain(expected, options);
+    if (options.quantum_noise && options.correlated_noise) {
+        addQuantumNoise(quanta, seeded);
+        exposure.image = detectorSpread(std::move(quanta), carm, options);
+    } else {
+        if (options.quantum_noise) addQuantumNoise(expected, seeded);
+        exposure.image = std::move(expected);
+    }
+
+    const double highest = std::ldexp(1.0, options.bits) - 1;
+    std::vector<int> saturated(static_cast<std::size_t>(carm.rows), 0);
+    forRows(carm.rows, [&](int y) {
+        Random random = rowStream(seeded, y, Stream::electronics);
+        float* row = exposure.image.row(y);
+        for (int x = 0; x < carm.columns; ++x) {
+            double photons = row[x];
+            if (options.electronic_noise_photons > 0) photons += options.electronic_noise_photons * random.normal();
+            double level = options.offset + exposure.gain * photons;
+            if (options.bits > 0) {
+                level = std::clamp(std::floor(level + 0.5), 0.0, highest);
+                saturated[static_cast<std::size_t>(y)] += level == highest;
+            }
+            row[x] = static_cast<float>(level);
+        }
+    });
+    exposure.saturated_fraction =
+        std::accumulate(saturated.begin(), saturated.end(), 0.0) / static_cast<double>(exposure.image.size());
+    return exposure;
+}
+
+}  // namespace fluorocut
