@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <memory>
 #include <numbers>
 #include <vector>
@@ -16,6 +15,7 @@
 #include "core/base/random.h"
 #include "core/geometry/mesh_tools.h"
 #include "core/geometry/primitives.h"
+#include "tests/core/imaging/pincushion.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
@@ -248,32 +248,14 @@ TEST(MeshProjector, OverlapsAddAndVoidsSubtract) {
     }
 }
 
-// x_d = x_u (1 + k r^2): inverted by Newton on the radius. Pixels beyond `field_mm` are unknown.
-class Pincushion final : public Distortion {
-  public:
-    Pincushion(double k, double field_mm) : k_(k), field_(field_mm) {}
-    Vector2 distorted(const Vector2& u) const override { return u * (1 + k_ * u.squaredNorm()); }
-    Vector2 undistorted(const Vector2& d) const override {
-        if (d.norm() > field_) return Vector2::Constant(std::numeric_limits<double>::quiet_NaN());
-        double r = d.norm();
-        if (r == 0) return d;
-        for (int i = 0; i < 20; ++i)
-            r -= (r * (1 + k_ * r * r) - d.norm()) / (1 + 3 * k_ * r * r);
-        return d * (r / d.norm());
-    }
-
-  private:
-    double k_, field_;
-};
-
 TEST(MeshProjector, DistortedImagersSeeAlongTheRaysOfTheirPixels) {
     CArm carm = smallCArm(120, 100);
-    carm.distortion = std::make_shared<Pincushion>(2e-5, 1e9);  // 60 mm off the axis it moves 4.3 mm: 4 to 5 pixels
+    carm.distortion = std::make_shared<test::Pincushion>(2e-5);  // 60 mm off the axis it moves 4.3 mm: 4 to 5 pixels
     expectConvexChords(makeBox({60, 30, 40}), carm, before(700, {0.3, 0.5, 0.7}));
     expectConvexChords(makeSphere(25, 3), carm, before(700, {}, {20, 15, 0}));
     expectConvexChords(makeBox({400, 300, 600}), carm, before(200, {0.3, -0.2, 0.1}));
 
-    carm.distortion = std::make_shared<Pincushion>(2e-5, 50);
+    carm.distortion = std::make_shared<test::Pincushion>(2e-5, 50);
     const Image image = project(makeBox({300, 300, 40}), carm, before(700, {}));
     EXPECT_GT(image(60, 50), 39.9);
     EXPECT_TRUE(std::isnan(image(0, 0)));
