@@ -13,9 +13,9 @@ Result<void> checkRequest(const ImageSource& source, const ImageRequest& request
         }
         if (auto ok = request.position->validate(); !ok) return ok;
     }
-    if (request.frame < 0 || (can.frames > 0 && request.frame >= can.frames)) {
+    if (can.frames > 0 && !(request.frame >= 1 && request.frame <= can.frames)) {
         return invalidOption(source.name() + ", frame", fmt::format("{}", request.frame),
-                             can.frames > 0 ? fmt::format("0 to {}", can.frames - 1) : "0 or more");
+                             fmt::format("1 to {}", can.frames));
     }
     return {};
 }

@@ -22,29 +22,24 @@
 #include "core/image/image.h"
 #include "core/imaging/carm.h"
 #include "core/imaging/carm_position.h"
+#include "core/io/image_file.h"
 
 namespace fluorocut {
 
 struct ImageSourceCapabilities {
     bool moves = false;       // drives the C-arm to `ImageRequest::position`
-    int frames = 1;           // frames that can be asked for by number; 0: as many as one likes (live)
+    int frames = 1;           // frames that can be asked for by number; 0: live, the number is ignored
     bool repeatable = false;  // the same request gives the same picture (a file), not a new exposure
 };
 
 struct ImageRequest {
     std::optional<CArmPosition> position;  // where the C-arm shall stand; empty: where it stands
-    int frame = 0;                         // of a multi-frame file
-};
-
-// The plane in which a pixel has the size that came with the picture.
-enum class PixelPlane {
-    detector,  // DICOM Imager Pixel Spacing
-    object,    // already divided by a magnification somebody estimated (DICOM Pixel Spacing)
+    int frame = 1;                         // of a multi-frame file, counted from 1
 };
 
 struct PixelSpacing {
     Vector2 mm = Vector2::Ones();  // along columns (x), along rows (y)
-    PixelPlane plane = PixelPlane::detector;
+    SpacingPlane plane = SpacingPlane::unstated;
 };
 
 struct ExposureInfo {

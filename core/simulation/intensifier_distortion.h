@@ -33,6 +33,10 @@ struct IntensifierDistortionParameters {
     Vector2 shift_mm = Vector2::Zero();  // t
     double rotation_rad = 0;             // w
 
+    bool isIdentity() const {
+        return pincushion_mm == 0 && s_shape_rad == 0 && shift_mm.isZero(0) && rotation_rad == 0;
+    }
+
     // Names the field, the value and the limit.
     Result<void> validate() const;
 };

@@ -1,0 +1,300 @@
+#include "core/simulation/virtual_operating_room.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "core/base/random.h"
+#include "core/imaging/mesh_projector.h"
+#include "core/simulation/option_checks.h"
+#include "core/simulation/truth.h"
+
+namespace fluorocut {
+namespace {
+
+// One stream of random numbers for each thing that is drawn, so that a change of one leaves the others.
+enum class Stream : std::uint64_t { patient, robot, carm, visits, exposures };
+
+Random streamOf(std::uint64_t seed, Stream stream) {
+    return Random(seed).fork(static_cast<std::uint64_t>(stream));
+}
+
+// Uniform in the ball.
+Vector3 inBall(double radius, Random& random) {
+    Vector3 point;
+    do {
+        point = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+    } while (point.squaredNorm() > 1);
+    return radius * point;
+}
+
+// Moves by up to `offset_mm` and turns by up to `rotation_rad`, about a point.
+Rigid3 randomMotion(double offset_mm, double rotation_rad, const Vector3& center, Random& random) {
+    const Vector3 offset = inBall(offset_mm, random);
+    const Rigid3 turn = Rigid3::fromRotationVector(inBall(rotation_rad, random));
+    return Rigid3::fromTranslation(center + offset) * turn * Rigid3::fromTranslation(-center);
+}
+
+// Where the C-arm stands since it was last sent somewhere.
+struct Standing {
+    CArmPosition position;
+    CArm carm;
+    Rigid3 imager_from_room;
+};
+
+}  // namespace
+
+Result<void> OperatingRoomOptions::validate() const {
+    if (auto ok = nominal_carm.validate(); !ok) return ok;
+    if (nominal_carm.distortion) {
+        return invalidOption("nominal_carm.distortion", "a distortion", "none: describe it in `intensifier`");
+    }
+    if (auto ok = intensifier.validate(); !ok) return ok;
+    if (auto ok = xray.validate(); !ok) return ok;
+    if (!(source_to_isocentre_mm >= 10 && source_to_isocentre_mm <= nominal_carm.focal_length_mm - 20)) {
+        return invalidOption("source_to_isocentre_mm", fmt::format("{}", source_to_isocentre_mm),
+                             fmt::format("10 to {} mm (the focal length less 20)", nominal_carm.focal_length_mm - 20));
+    }
+    struct Range {
+        const char* field;
+        double value, low, high;
+        const char* unit;
+    };
+    const Range ranges[] = {
+        {"focal_length_error_mm", focal_length_error_mm, 0, 9, "mm"},
+        {"focal_length_sag_mm", focal_length_sag_mm, -9, 9, "mm"},
+        {"principal_point_error_px", principal_point_error_px, 0, 1000, "px"},
+        {"return_offset_mm", return_offset_mm, 0, 500, "mm"},
+        {"return_rotation_rad", return_rotation_rad, 0, 3, "rad"},
+        {"patient_offset_mm", patient_offset_mm, 0, 500, "mm"},
+        {"patient_rotation_rad", patient_rotation_rad, 0, 3, "rad"},
+        {"robot_offset_mm", robot_offset_mm, 0, 500, "mm"},
+        {"robot_rotation_rad", robot_rotation_rad, 0, 3, "rad"},
+        {"energy_kev", energy_kev, kLowestEnergyKev, kHighestEnergyKev, "keV"},
+        {"samples_per_axis", static_cast<double>(samples_per_axis), 1, 16, ""},
+    };
+    for (const Range& range : ranges) {
+        if (auto ok = requireRange(range.field, range.value, range.low, range.high, range.unit); !ok) return ok;
+    }
+    return {};
+}
+
+OperatingRoomOptions OperatingRoomOptions::withoutErrors() const {
+    OperatingRoomOptions options = *this;
+    options.focal_length_error_mm = options.focal_length_sag_mm = options.principal_point_error_px = 0;
+    options.intensifier = IntensifierOptions::none();
+    options.return_offset_mm = options.return_rotation_rad = 0;
+    options.patient_offset_mm = options.patient_rotation_rad = 0;
+    options.robot_offset_mm = options.robot_rotation_rad = 0;
+    options.xray = XrayOptions::ideal();
+    return options;
+}
+
+struct VirtualOperatingRoom::Hidden {
+    OperatingRoomOptions options;
+    Truth truth;
+    std::optional<VolumeProjector> patient;
+    std::vector<MeshProjector> objects;  // as truth.objects
+    double focal_length_error_mm = 0;
+    Vector2 principal_point_error_px = Vector2::Zero();
+    std::uint64_t visits = 0;
+    Standing standing;
+
+    Rigid3 roomFrom(HeldBy holder) const {
+        switch (holder) {
+            case HeldBy::patient:
+                return truth.room_from_femur;
+            case HeldBy::robot:
+                return truth.room_from_robot;
+            case HeldBy::room:
+                return Rigid3();
+        }
+        throw std::logic_error("HeldBy outside its enumeration");
+    }
+
+    Result<void> goTo(const CArmPosition& position) {
+        Random random = streamOf(options.seed, Stream::visits).fork(visits++);
+        const Rigid3 nominal = nominalImagerFromRoom(position, options.source_to_isocentre_mm);
+        // Half the spread about the nominal pose keeps any two visits within the whole of it.
+        const Rigid3 error = randomMotion(0.5 * options.return_offset_mm, 0.5 * options.return_rotation_rad,
+                                          position.isocentre_in_room, random);
+        standing.position = position;
+        standing.imager_from_room = nominal * error.inverse();
+        const double gravity_along_beam = standing.imager_from_room.rotate(Vector3::UnitY()).z();
+        standing.carm = options.nominal_carm;
+        standing.carm.focal_length_mm += focal_length_error_mm + options.focal_length_sag_mm * gravity_along_beam;
+        standing.carm.principal_point_px += principal_point_error_px;
+
+        const auto bending = disturbed(intensifierAt(options.intensifier, standing.imager_from_room),
+                                       options.intensifier.repeatability_mm, random);
+        const auto distortion = IntensifierDistortion::create(bending);
+        if (!distortion) return distortion.error();
+        if (!bending.isIdentity()) standing.carm.distortion = *distortion;
+        return {};
+    }
+
+    // nullopt: cancelled.
+    std::optional<Image> lineIntegrals(const ViewTruth& view, Progress& progress) const {
+        Image sum(view.carm.columns, view.carm.rows);
+        if (patient) {
+            ProjectionOptions how;
+            how.method = options.projection;
+            sum = patient->project(view.carm, view.imager_from_femur, how);
+        }
+        for (std::size_t n = 0; n < objects.size(); ++n) {
+            if (progress.isCancelled()) return std::nullopt;
+            progress.report(0.5 + 0.4 * static_cast<double>(n) / static_cast<double>(objects.size()), "exposing");
+            const HeldObject& object = truth.objects[n];
+            double mu = attenuationPerMm(object.material, options.energy_kev);
+            if (object.displaces) mu -= attenuationPerMm(*object.displaces, options.energy_kev);
+            const Rigid3 pose = view.imager_from_room * roomFrom(object.holder) * object.holder_from_object;
+            const Image path = objects[n].project(view.carm, pose, {options.samples_per_axis});
+            for (std::size_t i = 0; i < sum.size(); ++i)
+                sum.pixels()[i] += static_cast<float>(mu) * path.pixels()[i];
+        }
+        return sum;
+    }
+
+    std::size_t indexOf(const std::string& name) const {
+        const auto found = std::find_if(truth.objects.begin(), truth.objects.end(),
+                                        [&](const HeldObject& object) { return object.name == name; });
+        return static_cast<std::size_t>(found - truth.objects.begin());
+    }
+};
+
+namespace {
+
+Error unknownObject(const std::string& name) {
+    return invalidOption("object", "\"" + name + "\"", "the name of an object that is held in the room");
+}
+
+}  // namespace
+
+Result<VirtualOperatingRoom> VirtualOperatingRoom::create(std::shared_ptr<const Volume> patient,
+                                                          const OperatingRoomOptions& options) {
+    if (auto ok = options.validate(); !ok) return ok.error();
+    auto hidden = std::make_unique<Hidden>();
+    hidden->options = options;
+    hidden->options.xray.object_depth_mm = options.source_to_isocentre_mm;
+
+    Truth& truth = hidden->truth;
+    truth.mu_water_per_mm = attenuationPerMm(Material::water, options.energy_kev);
+    Vector3 center_in_femur = Vector3::Zero();
+    if (patient) {
+        center_in_femur = patient->grid().center();
+        auto projector = VolumeProjector::prepare(patient, {truth.mu_water_per_mm});
+        if (!projector) return projector.error();
+        hidden->patient.emplace(std::move(*projector));
+    }
+    truth.patient = std::move(patient);
+
+    const Rigid3 planned = options.planned_room_from_femur.value_or(Rigid3::fromTranslation(-center_in_femur));
+    Random for_patient = streamOf(options.seed, Stream::patient);
+    truth.room_from_femur =
+        randomMotion(options.patient_offset_mm, options.patient_rotation_rad, planned * center_in_femur, for_patient) *
+        planned;
+    Random for_robot = streamOf(options.seed, Stream::robot);
+    truth.room_from_robot = randomMotion(options.robot_offset_mm, options.robot_rotation_rad,
+                                         options.planned_room_from_robot.translation(), for_robot) *
+                            options.planned_room_from_robot;
+
+    Random for_carm = streamOf(options.seed, Stream::carm);
+    hidden->focal_length_error_mm = options.focal_length_error_mm * for_carm.uniform(-1, 1);
+    for (int axis = 0; axis < 2; ++axis)
+        hidden->principal_point_error_px[axis] = options.principal_point_error_px * for_carm.uniform(-1, 1);
+    if (auto ok = hidden->goTo({}); !ok) return ok.error();
+    return VirtualOperatingRoom(std::move(hidden));
+}
+
+ImageSourceCapabilities VirtualOperatingRoom::capabilities() const {
+    ImageSourceCapabilities can;
+    can.moves = true;
+    return can;
+}
+
+Result<AcquiredImage> VirtualOperatingRoom::acquire(const ImageRequest& request, Progress& progress) {
+    if (auto ok = checkRequest(*this, request); !ok) return ok.error();
+    if (progress.isCancelled()) return cancelled(name());
+    progress.report(0, "exposing");
+    if (request.position) {
+        if (auto ok = hidden_->goTo(*request.position); !ok) return ok.error();
+    }
+    const OperatingRoomOptions& options = hidden_->options;
+    const Standing& standing = hidden_->standing;
+    Truth& truth = hidden_->truth;
+    const std::uint64_t sequence = truth.views.size();
+
+    ViewTruth view;
+    view.carm = standing.carm;
+    view.imager_from_room = standing.imager_from_room;
+    view.imager_from_femur = standing.imager_from_room * truth.room_from_femur;
+    view.imager_from_robot = standing.imager_from_room * truth.room_from_robot;
+    view.xray = options.xray;
+    view.xray.seed = streamOf(options.seed, Stream::exposures).fork(sequence).bits();
+    const std::optional<Image> line_integrals = hidden_->lineIntegrals(view, progress);
+    if (!line_integrals || progress.isCancelled()) return cancelled(name());
+    auto exposure = expose(*line_integrals, view.carm, view.xray);
+    if (!exposure) return exposure.error();
+    truth.views.push_back(std::move(view));
+
+    AcquiredImage acquired;
+    acquired.image = std::move(exposure->image);
+    acquired.nominal_carm = options.nominal_carm;
+    acquired.pixel_spacing = PixelSpacing{options.nominal_carm.pixel_mm, SpacingPlane::detector};
+    acquired.source_detector_mm = options.nominal_carm.focal_length_mm;
+    acquired.nominal_position = standing.position;
+    // The room's own clock, so that the same requests give the same answer: a minute per exposure from 2000-01-01.
+    acquired.time = std::chrono::sys_days(std::chrono::year(2000) / 1 / 1) + std::chrono::minutes(sequence);
+    acquired.provenance.source = name();
+    acquired.provenance.identity = fmt::format("simulated exposure {}", sequence + 1);
+    acquired.provenance.sequence = sequence;
+    progress.report(1, "exposed");
+    return acquired;
+}
+
+Result<void> VirtualOperatingRoom::hold(HeldObject object) {
+    std::vector<HeldObject>& held = hidden_->truth.objects;
+    if (object.name.empty() || hidden_->indexOf(object.name) < held.size()) {
+        return invalidOption("object", "\"" + object.name + "\"", "a name of its own");
+    }
+    auto projector = MeshProjector::prepare(object.mesh, object.name);
+    if (!projector) return projector.error();
+    hidden_->objects.push_back(std::move(*projector));
+    held.push_back(std::move(object));
+    return {};
+}
+
+Result<void> VirtualOperatingRoom::move(const std::string& name, const Rigid3& holder_from_object) {
+    const std::size_t index = hidden_->indexOf(name);
+    if (index == hidden_->objects.size()) return unknownObject(name);
+    hidden_->truth.objects[index].holder_from_object = holder_from_object;
+    return {};
+}
+
+Result<void> VirtualOperatingRoom::release(const std::string& name) {
+    const std::size_t index = hidden_->indexOf(name);
+    if (index == hidden_->objects.size()) return unknownObject(name);
+    const auto n = static_cast<std::ptrdiff_t>(index);
+    hidden_->objects.erase(hidden_->objects.begin() + n);
+    hidden_->truth.objects.erase(hidden_->truth.objects.begin() + n);
+    return {};
+}
+
+VirtualOperatingRoom::VirtualOperatingRoom(std::unique_ptr<Hidden> hidden) : hidden_(std::move(hidden)) {}
+VirtualOperatingRoom::VirtualOperatingRoom(VirtualOperatingRoom&&) noexcept = default;
+VirtualOperatingRoom& VirtualOperatingRoom::operator=(VirtualOperatingRoom&&) noexcept = default;
+VirtualOperatingRoom::~VirtualOperatingRoom() = default;
+
+struct TruthAccess {
+    static const Truth& of(const VirtualOperatingRoom& room) { return room.hidden_->truth; }
+};
+
+const Truth& truthOf(const VirtualOperatingRoom& room) {
+    return TruthAccess::of(room);
+}
+
+}  // namespace fluorocut
