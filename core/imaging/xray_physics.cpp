@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/base/random.h"
 #include "core/image/blur.h"
@@ -67,12 +68,6 @@ double automaticGain(const Image& noise_free, const XrayOptions& options) {
     return std::max(options.brightness * full_scale - options.offset, 1e-6 * full_scale) / std::exp(mean_log);
 }
 
-Result<void> inRange(const char* field, double value, double low, double high, const char* unit) {
-    if (value >= low && value <= high) return {};
-    return invalidOption(field, fmt::format("{}", value),
-                         fmt::format("{} to {}{}{}", low, high, *unit ? " " : "", unit));
-}
-
 Result<void> validKernel(const char* field, const std::optional<Image>& kernel) {
     if (!kernel) return {};
     const int width = kernel->width(), height = kernel->height();
@@ -108,12 +103,7 @@ XrayOptions XrayOptions::ideal(double photons_per_pixel) {
 }
 
 Result<void> XrayOptions::validate() const {
-    struct Range {
-        const char* field;
-        double value, low, high;
-        const char* unit;
-    };
-    const Range ranges[] = {
+    const auto ranges = requireRanges({
         {"photons_per_pixel", photons_per_pixel, 1e-3, 1e9, "photons"},
         {"focal_spot_mm", focal_spot_mm, 0, 10, "mm"},
         {"object_depth_mm", object_depth_mm, 1, 10000, "mm"},
@@ -126,10 +116,8 @@ Result<void> XrayOptions::validate() const {
         {"gain", gain.value_or(1), 1e-9, 1e9, "levels per photon"},
         {"brightness", brightness, 0.001, 1, "of the full scale"},
         {"offset", offset, -65535, 65535, "levels"},
-    };
-    for (const Range& range : ranges) {
-        if (auto ok = inRange(range.field, range.value, range.low, range.high, range.unit); !ok) return ok;
-    }
+    });
+    if (!ranges) return ranges;
     if (!(bits == 0 || (bits >= 8 && bits <= 16))) {
         return invalidOption("bits", fmt::format("{}", bits), "8 to 16, or 0 for real numbers");
     }

@@ -7,9 +7,9 @@
 
 #include <fmt/format.h>
 
+#include "core/base/option_checks.h"
 #include "core/geometry/mesh_properties.h"
 #include "core/image/voxelize.h"
-#include "core/simulation/option_checks.h"
 
 namespace fluorocut {
 namespace {

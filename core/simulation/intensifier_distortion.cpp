@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "core/simulation/option_checks.h"
+#include "core/base/option_checks.h"
 
 namespace fluorocut {
 namespace {
@@ -37,10 +37,10 @@ Result<void> IntensifierDistortionParameters::validate() const {
         return invalidOption("pincushion_mm", fmt::format("{}", pincushion_mm),
                              fmt::format("{:.3f} (below, the picture folds over) to {} mm", lowest, field_radius_mm));
     }
-    if (auto ok = requireRange("s_shape_rad", s_shape_rad, -1, 1, "rad"); !ok) return ok;
-    if (auto ok = requireRange("shift_mm[0]", shift_mm.x(), -100, 100, "mm"); !ok) return ok;
-    if (auto ok = requireRange("shift_mm[1]", shift_mm.y(), -100, 100, "mm"); !ok) return ok;
-    return requireRange("rotation_rad", rotation_rad, -1, 1, "rad");
+    return requireRanges({{"s_shape_rad", s_shape_rad, -1, 1, "rad"},
+                          {"shift_mm[0]", shift_mm.x(), -100, 100, "mm"},
+                          {"shift_mm[1]", shift_mm.y(), -100, 100, "mm"},
+                          {"rotation_rad", rotation_rad, -1, 1, "rad"}});
 }
 
 Result<std::shared_ptr<const IntensifierDistortion>> IntensifierDistortion::create(
@@ -79,12 +79,12 @@ Result<void> IntensifierOptions::validate() const {
     if (auto ok = IntensifierDistortionParameters{field_radius_mm, pincushion_mm, s_shape_rad}.validate(); !ok) {
         return ok;
     }
-    if (auto ok = requireRange("field_shift_mm", field_shift_mm, -20, 20, "mm"); !ok) return ok;
-    if (auto ok = requireRange("field_dip_rad", field_dip_rad, -4, 4, "rad"); !ok) return ok;
-    if (auto ok = requireRange("field_heading_rad", field_heading_rad, -7, 7, "rad"); !ok) return ok;
-    if (auto ok = requireRange("sag_shift_mm", sag_shift_mm, -20, 20, "mm"); !ok) return ok;
-    if (auto ok = requireRange("sag_rotation_rad", sag_rotation_rad, -0.5, 0.5, "rad"); !ok) return ok;
-    return requireRange("repeatability_mm", repeatability_mm, 0, 1, "mm");
+    return requireRanges({{"field_shift_mm", field_shift_mm, -20, 20, "mm"},
+                          {"field_dip_rad", field_dip_rad, -4, 4, "rad"},
+                          {"field_heading_rad", field_heading_rad, -7, 7, "rad"},
+                          {"sag_shift_mm", sag_shift_mm, -20, 20, "mm"},
+                          {"sag_rotation_rad", sag_rotation_rad, -0.5, 0.5, "rad"},
+                          {"repeatability_mm", repeatability_mm, 0, 1, "mm"}});
 }
 
 IntensifierOptions IntensifierOptions::none() {

@@ -1,20 +1,11 @@
-// One-line checks for the options of the generated patients: the sentence names the field, the value and the limits.
+// One-line checks for the options of the generated patients.
 #pragma once
-
-#include <string>
 
 #include <fmt/format.h>
 
-#include "core/base/result.h"
+#include "core/base/option_checks.h"
 
 namespace fluorocut {
-
-// Written so that NaN fails.
-inline Result<void> requireRange(const char* field, double value, double low, double high, const char* unit) {
-    if (value >= low && value <= high) return {};
-    return invalidOption(field, fmt::format("{}", value),
-                         fmt::format("{} to {}{}{}", low, high, *unit ? " " : "", unit));
-}
 
 // The largest volume that is generated: 2 GB of float voxels.
 inline constexpr double kMaxPhantomVoxels = 5e8;

@@ -8,9 +8,9 @@
 
 #include <fmt/format.h>
 
+#include "core/base/option_checks.h"
 #include "core/base/random.h"
 #include "core/imaging/mesh_projector.h"
-#include "core/simulation/option_checks.h"
 #include "core/simulation/truth.h"
 
 namespace fluorocut {
@@ -59,12 +59,7 @@ Result<void> OperatingRoomOptions::validate() const {
         return invalidOption("source_to_isocentre_mm", fmt::format("{}", source_to_isocentre_mm),
                              fmt::format("10 to {} mm (the focal length less 20)", nominal_carm.focal_length_mm - 20));
     }
-    struct Range {
-        const char* field;
-        double value, low, high;
-        const char* unit;
-    };
-    const Range ranges[] = {
+    return requireRanges({
         {"focal_length_error_mm", focal_length_error_mm, 0, 9, "mm"},
         {"focal_length_sag_mm", focal_length_sag_mm, -9, 9, "mm"},
         {"principal_point_error_px", principal_point_error_px, 0, 1000, "px"},
@@ -76,11 +71,7 @@ Result<void> OperatingRoomOptions::validate() const {
         {"robot_rotation_rad", robot_rotation_rad, 0, 3, "rad"},
         {"energy_kev", energy_kev, kLowestEnergyKev, kHighestEnergyKev, "keV"},
         {"samples_per_axis", static_cast<double>(samples_per_axis), 1, 16, ""},
-    };
-    for (const Range& range : ranges) {
-        if (auto ok = requireRange(range.field, range.value, range.low, range.high, range.unit); !ok) return ok;
-    }
-    return {};
+    });
 }
 
 OperatingRoomOptions OperatingRoomOptions::withoutErrors() const {
