@@ -102,8 +102,9 @@ std::uint64_t Random::poisson(double mean) {
         const double k = std::floor((2 * a / us + b) * u + mean + 0.43);
         if (us >= 0.07 && v <= v_r) return static_cast<std::uint64_t>(k);
         if (k < 0 || (us < 0.013 && v > us)) continue;
+        int sign;  // std::lgamma writes a global; this runs on many threads
         if (std::log(v) + std::log(inverse_alpha) - std::log(a / (us * us) + b) <=
-            -mean + k * log_mean - std::lgamma(k + 1)) {
+            -mean + k * log_mean - ::lgamma_r(k + 1, &sign)) {
             return static_cast<std::uint64_t>(k);
         }
     }
