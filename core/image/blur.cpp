@@ -145,7 +145,7 @@ Image gaussianBlurred(const Image& image, double sigma_px) {
     if (sigma_px == 0 || image.empty()) return image;
     if (sigma_px < kWideSigmaPx) return separable(image, halfKernel(sigma_px));
     // The mean over blocks of f and the interpolation between them add the variances (f^2 - 1) / 12 and (f^2 - 1) / 6.
-    const int factor = 1 << static_cast<int>(std::log2(sigma_px / 4));
+    const int factor = 1 << std::min(static_cast<int>(std::log2(sigma_px / 4)), 6);
     const double added = (factor * factor - 1) / 4.0;
     const double coarse_sigma = std::sqrt(sigma_px * sigma_px - added) / factor;
     return enlarged(gaussianBlurred(blockMeans(image, factor), coarse_sigma), factor, image.width(), image.height());

@@ -52,18 +52,38 @@ double meanOf(const Image& image) {
     return sum / static_cast<double>(image.size());
 }
 
-double automaticGain(const Image& noise_free, const XrayOptions& options) {
+// The columns [begin, end) of a row that lie in the detector's field.
+struct Columns {
+    int begin, end;
+};
+
+Columns fieldColumns(const CArm& carm, const XrayOptions& options, int y) {
+    if (!options.field_radius_mm) return {0, carm.columns};
+    const double dy = (y - 0.5 * (carm.rows - 1)) * carm.pixel_mm.y();
+    const double squared = *options.field_radius_mm * *options.field_radius_mm - dy * dy;
+    if (!(squared >= 0)) return {0, 0};
+    const double reach_px = std::sqrt(squared) / carm.pixel_mm.x(), middle = 0.5 * (carm.columns - 1);
+    const double begin = std::max(0.0, std::ceil(middle - reach_px));
+    const double end = std::min<double>(carm.columns, std::floor(middle + reach_px) + 1);
+    return begin < end ? Columns{static_cast<int>(begin), static_cast<int>(end)} : Columns{0, 0};
+}
+
+double automaticGain(const Image& noise_free, const CArm& carm, const XrayOptions& options) {
     if (options.bits == 0) return 1;
     // Below a thousandth of the open beam there is lead, not anatomy: it does not drag the mean to nothing.
     const auto floor = static_cast<float>(1e-3 * options.photons_per_pixel);
     std::vector<double> rows(static_cast<std::size_t>(noise_free.height()));
+    std::vector<int> pixels(rows.size());
     forRows(noise_free.height(), [&](int y) {
+        const Columns field = fieldColumns(carm, options, y);
         double sum = 0;
-        for (int x = 0; x < noise_free.width(); ++x)
+        for (int x = field.begin; x < field.end; ++x)
             sum += std::log(std::max(floor, noise_free(x, y)));
         rows[static_cast<std::size_t>(y)] = sum;
+        pixels[static_cast<std::size_t>(y)] = field.end - field.begin;
     });
-    const double mean_log = std::accumulate(rows.begin(), rows.end(), 0.0) / static_cast<double>(noise_free.size());
+    const double count = std::accumulate(pixels.begin(), pixels.end(), 0.0);
+    const double mean_log = count > 0 ? std::accumulate(rows.begin(), rows.end(), 0.0) / count : std::log(floor);
     const double full_scale = std::ldexp(1.0, options.bits) - 1;
     return std::max(options.brightness * full_scale - options.offset, 1e-6 * full_scale) / std::exp(mean_log);
 }
@@ -109,6 +129,7 @@ Result<void> XrayOptions::validate() const {
         {"object_depth_mm", object_depth_mm, 1, 10000, "mm"},
         {"scatter_per_attenuation", scatter_per_attenuation, 0, 10, ""},
         {"scatter_sigma_mm", scatter_sigma_mm, 0, 1000, "mm"},
+        {"field_radius_mm", field_radius_mm.value_or(1), 1e-3, 1e5, "mm"},
         {"detector_blur_px", detector_blur_px, 0, 100, "px"},
         {"glare_fraction", glare_fraction, 0, 1, ""},
         {"glare_sigma_mm", glare_sigma_mm, 0, 1000, "mm"},
@@ -159,6 +180,13 @@ Image expectedQuanta(const Image& line_integrals, const CArm& carm, const XrayOp
                 primary(x, y) += scatter(x, y);
         });
     }
+    if (options.field_radius_mm) {
+        forRows(height, [&](int y) {
+            const Columns field = fieldColumns(carm, options, y);
+            std::fill(primary.row(y), primary.row(y) + field.begin, 0.0f);
+            std::fill(primary.row(y) + field.end, primary.row(y) + width, 0.0f);
+        });
+    }
     return primary;
 }
 
@@ -202,7 +230,7 @@ Result<Exposure> expose(const Image& line_integrals, const CArm& carm, const Xra
     exposure.mean_photons = meanOf(quanta);
     const bool needs_expectation = !options.gain.has_value() || !options.correlated_noise || !options.quantum_noise;
     Image expected = needs_expectation ? detectorSpread(quanta, carm, options) : Image();
-    exposure.gain = options.gain ? *options.gain : automaticGain(expected, options);
+    exposure.gain = options.gain ? *options.gain : automaticGain(expected, carm, options);
     if (options.quantum_noise && options.correlated_noise) {
         addQuantumNoise(quanta, seeded);
         exposure.image = detectorSpread(std::move(quanta), carm, options);

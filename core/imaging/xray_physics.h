@@ -35,14 +35,17 @@ struct XrayOptions {
     double scatter_per_attenuation = 0.1;  // s: scatter to primary below a slab of line integral 1
     double scatter_sigma_mm = 30;          // in the detector plane
 
+    // An image intensifier's window is round: no quanta beyond this radius from the middle of the picture. Unset: none.
+    std::optional<double> field_radius_mm;
+
     double detector_blur_px = 0.7;         // standard deviation of B
     std::optional<Image> detector_kernel;  // a measured B in pixels (odd size), instead of detector_blur_px
     double glare_fraction = 0.05;          // g
     double glare_sigma_mm = 20;
 
-    bool quantum_noise = true;             // false: the expected number of photons in every pixel
-    bool correlated_noise = true;          // false: the noise is drawn after the spread, white
-    double electronic_noise_photons = 10;  // standard deviation, in photons
+    bool quantum_noise = true;            // false: the expected number of photons in every pixel
+    bool correlated_noise = true;         // false: the noise is drawn after the spread, white
+    double electronic_noise_photons = 5;  // standard deviation, in photons
 
     // Levels per photon. Unset: automatic brightness, the geometric mean of the noise-free picture comes to
     // `brightness` of the full scale (and 1 when bits is 0).

@@ -153,6 +153,25 @@ TEST(XrayPhysics, ScatterIsInProportionToWhatWasCrossed) {
     EXPECT_NEAR(found, expected, 1e-3 * expected);
 }
 
+// Pixels whose centres lie within the radius see the beam, the others nothing: counted one by one. Automatic brightness
+// looks at the field alone.
+TEST(XrayPhysics, TheRoundFieldIsDarkOutside) {
+    const CArm carm = carmOf(100);
+    XrayOptions options = XrayOptions::ideal(1000);
+    options.field_radius_mm = 12;
+    const auto exposure = expose(Image(100, 100, 1.0f), carm, options);
+    ASSERT_OK(exposure);
+    for (int y = 0; y < 100; ++y) {
+        for (int x = 0; x < 100; ++x) {
+            const bool inside = std::hypot(x - 49.5, y - 49.5) * 0.32 <= 12;
+            ASSERT_NEAR(exposure->image(x, y), inside ? 1000 * std::exp(-1.0) : 0, 1e-3) << x << " " << y;
+        }
+    }
+    options.bits = 16;
+    options.gain.reset();
+    EXPECT_NEAR(expose(Image(100, 100, 1.0f), carm, options)->image(50, 50), 0.25 * 65535, 1);
+}
+
 TEST(XrayPhysics, MeasuredKernelsReplaceTheGaussians) {
     XrayOptions options = XrayOptions::ideal(1000);
     options.detector_blur_px = 5;  // ignored
