@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <stdexcept>
 
 #include <gtest/gtest.h>
 
@@ -53,6 +55,20 @@ Image shoot(VirtualOperatingRoom& room, const ImageRequest& request = {}) {
     auto acquired = room.acquire(request, Progress::none());
     if (!acquired) throw std::runtime_error(acquired.error().message());
     return std::move(acquired->image);
+}
+
+// Of -log(image), in pixels; the picture was taken without noise.
+Vector2 shadowCentroid(const Image& image) {
+    Vector2 sum = Vector2::Zero();
+    double weight = 0;
+    for (int y = 0; y < image.height(); ++y) {
+        for (int x = 0; x < image.width(); ++x) {
+            const double path = -std::log(image(x, y));
+            sum += path * Vector2(x, y);
+            weight += path;
+        }
+    }
+    return sum / weight;
 }
 
 double angleDeg(const Rigid3& motion) {
@@ -157,18 +173,36 @@ TEST(VirtualOperatingRoom, ObjectsAppearWhereTheTrueCArmProjectsThem) {
             const ViewTruth& view = truthOf(room).views.back();
             const Rigid3 imager_from_holder = holder == HeldBy::room ? view.imager_from_room : view.imager_from_robot;
             const Vector2 expected = view.carm.project(imager_from_holder * ball.holder_from_object.translation());
-            Vector2 sum = Vector2::Zero();
-            double weight = 0;
-            for (int y = 0; y < image.height(); ++y) {
-                for (int x = 0; x < image.width(); ++x) {
-                    const double path = -std::log(image(x, y));
-                    sum += path * Vector2(x, y);
-                    weight += path;
-                }
-            }
             ASSERT_GT(expected.minCoeff(), 8);  // the ball is wholly in the picture
             ASSERT_LT(expected.maxCoeff(), 119);
-            EXPECT_LT((sum / weight - expected).norm(), 0.1);
+            EXPECT_LT((shadowCentroid(image) - expected).norm(), 0.1);
+        }
+    }
+}
+
+// The same for the CT: a soft ball in the patient (Gaussian, 5 mm) lies where the true C-arm projects its middle.
+TEST(VirtualOperatingRoom, ThePatientAppearsWhereTheTrueCArmProjectsIt) {
+    VolumeGrid grid;
+    grid.size = {48, 48, 48};
+    grid.origin_mm = {-120, 30, 700};
+    auto volume = std::make_shared<Volume>(grid, -1000.0f);
+    const Vector3 middle(22.3, 24.6, 23.1);
+    for (int k = 0; k < 48; ++k)
+        for (int j = 0; j < 48; ++j)
+            for (int i = 0; i < 48; ++i)
+                (*volume)(i, j, k) +=
+                    static_cast<float>(2000 * std::exp(-0.5 * (Vector3(i, j, k) - middle).squaredNorm() / 25));
+    for (const ProjectionMethod method : {ProjectionMethod::fast, ProjectionMethod::exact}) {
+        OperatingRoomOptions options = smallRoom(9);
+        options.xray = XrayOptions::ideal();
+        options.projection = method;
+        auto room = make(volume, options);
+        for (const double orbital : {0.0, 60.0}) {
+            const Image image = shoot(room, at(orbital, -15));
+            const ViewTruth& view = truthOf(room).views.back();
+            ASSERT_NE(view.carm.distortion, nullptr);
+            const Vector2 expected = view.carm.project(view.imager_from_femur * grid.pointFromIndex(middle));
+            EXPECT_LT((shadowCentroid(image) - expected).norm(), 0.1) << "orbital angle " << orbital;
         }
     }
 }
