@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <numbers>
 
@@ -13,6 +12,7 @@ namespace fluorocut {
 namespace {
 
 constexpr int kSubsamples = 8;
+constexpr std::size_t kSlicesPerReport = 16;
 
 // One axis of the grid: of each voxel's extent [low, high], the part that the block's faces leave.
 struct Axis {
@@ -110,14 +110,8 @@ Result<AcrylicPhantom> generateAcrylicBlock(const AcrylicOptions& options, Progr
     const double voxel_mm3 = voxel * voxel * voxel;
     const Vector3 half_voxel = Vector3::Constant(0.5 * voxel);
 
-    progress.report(0, "acrylic block");
-    std::atomic<bool> stop = false;
-    parallelFor(static_cast<std::size_t>(grid.size[2]), 4, [&](std::size_t begin, std::size_t end) {
+    const auto fillSlices = [&](std::size_t begin, std::size_t end) {
         for (std::size_t slice = begin; slice < end; ++slice) {
-            if (stop || progress.isCancelled()) {
-                stop = true;
-                return;
-            }
             const int k = static_cast<int>(slice);
             const auto& [x_axis, y_axis, z_axis] = axes;
             for (int j = 0; j < grid.size[1]; ++j) {
@@ -150,8 +144,15 @@ Result<AcrylicPhantom> generateAcrylicBlock(const AcrylicOptions& options, Progr
                 }
             }
         }
-    });
-    if (stop) return cancelled("acrylic block");
+    };
+    // Some slices at a time, so that progress and cancellation stay on this thread.
+    const auto slices = static_cast<std::size_t>(grid.size[2]);
+    for (std::size_t first = 0; first < slices; first += kSlicesPerReport) {
+        if (progress.isCancelled()) return cancelled("acrylic block");
+        progress.report(double(first) / double(slices), "acrylic block");
+        parallelFor(std::min(kSlicesPerReport, slices - first), 2,
+                    [&](std::size_t begin, std::size_t end) { fillSlices(first + begin, first + end); });
+    }
     progress.report(1, "acrylic block");
     return result;
 }
