@@ -31,7 +31,7 @@ struct WarpRow {
     float p_offset, q_offset;
     float length_m, length_p, length_q;
     const float* base;    // row-major base image
-    const float* base_v;  // gradient only: the second base image
+    const float* base_w;  // gradient only: the second base image
     std::ptrdiff_t stride;
     float p_max, q_max;  // positions are clamped to [1, p_max] x [1, q_max]: the base image is zero at its margin
     const float* x;      // [count] ideal pixel coordinates along this row
@@ -39,7 +39,8 @@ struct WarpRow {
     int count;
 };
 
-// d(image) = length (V_p g_a + V_q g_b + B_p d_p + B_q d_q) + B d(length) for one parameter; see slab_projector.cpp.
+// For one pose parameter, see slab_projector.h:
+//     d(image) = length (B_p (g_a + dp) + B_q (g_b + dq) + W_p g_a + W_q g_b) + B d(length)
 struct GradientParameter {
     float ga, ga_p;        // g_a = ga + ga_p p
     float gb, gb_q;        // g_b = gb + gb_q q
@@ -55,8 +56,8 @@ struct SlabKernels {
     void (*interpolateRow)(const std::int16_t* row, const RowTable& table, float* out, std::ptrdiff_t prefetch);
     // sum[i] += w0 h0[i] + w1 h1[i]
     void (*accumulate)(float* sum, const float* h0, const float* h1, float w0, float w1, int count);
-    // ... and sum_v[i] += ratio (w0 h0[i] + w1 h1[i])
-    void (*accumulateTwo)(float* sum, float* sum_v, const float* h0, const float* h1, float w0, float w1, float ratio,
+    // ... and sum_w[i] += ratio (w0 h0[i] + w1 h1[i])
+    void (*accumulateTwo)(float* sum, float* sum_w, const float* h0, const float* h1, float w0, float w1, float ratio,
                           int count);
     // out[i] += weight * length * base(position), Catmull-Rom
     void (*warp)(const WarpRow& row, float weight, float* out);

@@ -106,13 +106,13 @@ void accumulate(float* __restrict sum, const float* __restrict h0, const float* 
     }
 }
 
-void accumulateTwo(float* __restrict sum, float* __restrict sum_v, const float* __restrict h0,
+void accumulateTwo(float* __restrict sum, float* __restrict sum_w, const float* __restrict h0,
                    const float* __restrict h1, float w0, float w1, float ratio, int count) {
     for (int i = 0; i < count; i += kLanes) {
         for (int lane = 0; lane < kLanes; ++lane) {
             const float value = w0 * h0[i + lane] + w1 * h1[i + lane];
             sum[i + lane] += value;
-            sum_v[i + lane] += ratio * value;
+            sum_w[i + lane] += ratio * value;
         }
     }
 }
@@ -232,7 +232,7 @@ void warpGradient(const WarpRow& row, const GradientParameter* parameters, float
                   float* const* gradient) {
     Stencil s;
     alignas(64) float x[kLanes], y[kLanes];
-    alignas(64) float b[kLanes], b_p[kLanes], b_q[kLanes], v_p[kLanes], v_q[kLanes], derivative[kLanes];
+    alignas(64) float b[kLanes], b_p[kLanes], b_q[kLanes], w_p[kLanes], w_q[kLanes], derivative[kLanes];
     alignas(64) float slope_p[4][kLanes], slope_q[4][kLanes];
     __m128 taps[kLanes], slopes[kLanes];
     for (int begin = 0; begin < row.count; begin += kLanes) {
@@ -251,12 +251,12 @@ void warpGradient(const WarpRow& row, const GradientParameter* parameters, float
         combineTaps(taps, slope_p, b_p);
         combineTaps(slopes, s.wp, b_q);
         for (int l = 0; l < kLanes; ++l) {
-            const float* at = row.base_v + s.offset[l];
+            const float* at = row.base_w + s.offset[l];
             taps[l] = combineRows(at, row.stride, s.wq[0][l], s.wq[1][l], s.wq[2][l], s.wq[3][l]);
             slopes[l] = combineRows(at, row.stride, slope_q[0][l], slope_q[1][l], slope_q[2][l], slope_q[3][l]);
         }
-        combineTaps(taps, slope_p, v_p);
-        combineTaps(slopes, s.wp, v_q);
+        combineTaps(taps, slope_p, w_p);
+        combineTaps(slopes, s.wp, w_q);
         for (int l = 0; l < count; ++l)
             out[begin + l] += weight * s.length[l] * b[l];
         for (int k = 0; k < 6; ++k) {
@@ -267,8 +267,9 @@ void warpGradient(const WarpRow& row, const GradientParameter* parameters, float
                 const float change_p = (d.da + d.da_x * x[l] + d.da_y * y[l] - p * change_m) * s.inverse_d[l];
                 const float change_q = (d.db + d.db_x * x[l] + d.db_y * y[l] - q * change_m) * s.inverse_d[l];
                 const float change_length = (row.length_p * p * change_p + row.length_q * q * change_q) / s.length[l];
+                const float shift_p = d.ga + d.ga_p * p, shift_q = d.gb + d.gb_q * q;
                 const float change_base =
-                    v_p[l] * (d.ga + d.ga_p * p) + v_q[l] * (d.gb + d.gb_q * q) + b_p[l] * change_p + b_q[l] * change_q;
+                    b_p[l] * (shift_p + change_p) + b_q[l] * (shift_q + change_q) + w_p[l] * shift_p + w_q[l] * shift_q;
                 derivative[l] = weight * (s.length[l] * change_base + b[l] * change_length);
             }
             for (int l = 0; l < count; ++l)

@@ -5,14 +5,17 @@
 //     a_k = S_a + (A - S_a) s_k,    b_k = S_b + (B - S_b) s_k,    s_k = (k - S_m) / (k_b - S_m),
 // a scale and a shift of the whole slice. So the base image
 //     B(A, B) = sum over k of slice_k(a_k, b_k),    bilinear in each slice,
-// is made with one table of column weights and one row weight per line, and
+// is made with one table of column weights and one row weight per line, sharpened a little against the blur of the
+// interpolation (Condat, Blu, Unser 2005 call this quasi-interpolation), and
 //     image(pixel) = mu per unit * length of the ray per slice * B(A(pixel), B(pixel)).
 //
 // Derivatives. Moving the source moves every slice's picture by (1 - s_k) as much. Because d/dA of slice_k(a_k) is
 // s_k slice_k', the sums with weight (1 - s_k) that this needs are A- and B-derivatives of one more base image,
-//     V(A, B) = sum over k of slice_k(a_k, b_k) / s_k:
-//     dB = V_A (dS_a - alpha dS_m) + V_B (dS_b - beta dS_m) + (k_b - S_m) (B_A dalpha + B_B dbeta),
-// where alpha = D_a / D_m and beta = D_b / D_m are the slopes of the ray D. Six derivatives for two base images.
+//     W(A, B) = sum over k of (1 - s_k) / s_k slice_k(a_k, b_k):
+//     dB = B_A (g_a + dA) + B_B (g_b + dB) + W_A g_a + W_B g_b,
+//     g_a = dS_a - alpha dS_m,  g_b = dS_b - beta dS_m,  dA = (k_b - S_m) dalpha,  dB = (k_b - S_m) dbeta,
+// where alpha = D_a / D_m and beta = D_b / D_m are the slopes of the ray D. Six derivatives for two base images; g + d
+// is how far the ray moves in the base plane, so that turning about a point near it cancels nothing large.
 #pragma once
 
 #include <array>
