@@ -360,14 +360,18 @@ int nearestAxis(const ProjectionGeometry& geometry) {
 }
 
 bool slabCanProject(const SlabVolume& volume, const ProjectionGeometry& g, int main_axis) {
-    const SlabOrientation& o = volume.orientation(main_axis);
     const double forward = g.central[main_axis] > g.source[main_axis] ? 1 : -1;
-    const double farthest = forward > 0 ? o.slice_last + 1 : o.slice_first - 1;
     for (const Vector2& corner : corners(g)) {
-        const Vector3 end = g.detectorPoint(corner.x(), corner.y());
-        const Vector3 ray = end - g.source;
+        const Vector3 ray = g.detectorPoint(corner.x(), corner.y()) - g.source;
         if (!(forward * ray[main_axis] > kLeastCosine * ray.norm())) return false;
-        if (!(forward * (end[main_axis] - farthest) >= 0)) return false;
+    }
+    // A ray ends at the detector, the sum over slices does not: the box of what is not air must lie before its plane.
+    const Vector3 toward_source =
+        g.step_column.cross(g.step_row) * (g.step_column.cross(g.step_row).dot(g.source - g.corner) > 0 ? 1 : -1);
+    const auto [low, high] = volume.occupied();
+    for (int c = 0; c < 8; ++c) {
+        const Vector3 box_corner(c & 1 ? high.x() : low.x(), c & 2 ? high.y() : low.y(), c & 4 ? high.z() : low.z());
+        if (!(toward_source.dot(box_corner - g.corner) >= 0)) return false;
     }
     return true;
 }

@@ -38,8 +38,8 @@ struct GeometryChange {
 // The axis (in index coordinates) along which the central ray crosses most slices.
 int nearestAxis(const ProjectionGeometry& geometry);
 
-// Whether every ray of the view is within 75 degrees of the main axis and no ray ends before it has left what is not
-// air. Otherwise the slab projector cannot serve and the exact one must.
+// Whether every ray of the view is within 75 degrees of the main axis and all that is not air lies before the detector.
+// Otherwise the slab projector cannot serve and the exact one must.
 bool slabCanProject(const SlabVolume& volume, const ProjectionGeometry& geometry, int main_axis);
 
 // scale_per_hu: attenuation per mm of HU + 1000 = 1. `binning`: the geometry is that of the full image, the result has

@@ -104,4 +104,14 @@ SlabVolume::SlabVolume(const Volume& hounsfield, float air_below_hu) {
         findExtents(orientation);
 }
 
+std::pair<Vector3, Vector3> SlabVolume::occupied() const {
+    Vector3 low = Vector3::Zero(), high = Vector3::Zero();
+    for (const SlabOrientation& o : orientations_) {
+        if (o.slice_first > o.slice_last) continue;
+        low[o.main_axis] = o.slice_first - 1;
+        high[o.main_axis] = o.slice_last + 1;
+    }
+    return {low, high};
+}
+
 }  // namespace fluorocut

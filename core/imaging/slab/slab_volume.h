@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/image/volume.h"
@@ -37,6 +38,8 @@ class SlabVolume {
     const SlabOrientation& orientation(int main_axis) const {
         return orientations_[static_cast<std::size_t>(main_axis)];
     }
+    // The box, in index coordinates, outside which the interpolated attenuation is zero; a point when all is air.
+    std::pair<Vector3, Vector3> occupied() const;
     double huPerUnit() const { return hu_per_unit_; }
 
   private:
