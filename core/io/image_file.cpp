@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "core/io/file_format.h"
+#include "core/io/formats/dicom.h"
 #include "core/io/formats/pixels.h"
 #include "core/io/formats/raster.h"
 
@@ -84,6 +85,8 @@ Result<ImageFile> readByFormat(const fs::path& path, const ImageReadOptions& opt
             return readRasterImage(path, readMetaImageHeader(path), options);
         case FileFormat::nrrd:
             return readRasterImage(path, readNrrdHeader(path), options);
+        case FileFormat::dicom:
+            return readDicomImage(path, options);
         default:
             return invalidInput(
                 path.string(),
@@ -144,6 +147,7 @@ Result<void> writeImage(const fs::path& path, const Image& image, const ImageWri
     }
     const Image& pixels = mapped.empty() ? image : mapped;
     if (extension == ".png") return writePng(path, pixels, type);
+    if (extension == ".dcm") return writeSecondaryCapture(path, pixels, type, options);
     if (extension == ".tif" || extension == ".tiff") return writeTiff(path, pixels, type);
     if (extension == ".mha" || extension == ".nrrd") {
         RasterView raster;

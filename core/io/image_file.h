@@ -71,8 +71,13 @@ struct ImageFile {
     ImageInfo info;
 };
 
+// DICOM files that do not state which way their values run are judged by custom (see formats/dicom_image.cpp), which
+// can be wrong: then say it here.
+enum class BrightnessRule { fromFile, asStored, mirrored };
+
 struct ImageReadOptions {
     int frame = 1;  // counted from 1
+    BrightnessRule brightness = BrightnessRule::fromFile;
 };
 
 Result<ImageFile> readImage(const std::filesystem::path& path, const ImageReadOptions& options = {});

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "core/io/file_format.h"
+#include "core/io/formats/dicom.h"
 #include "core/io/formats/pixels.h"
 #include "core/io/formats/raster.h"
 
@@ -59,6 +60,11 @@ Result<VolumeFile> readByFormat(const fs::path& path, const VolumeReadOptions& o
             return readRasterVolume(path, readNiftiHeader(path), progress);
         case FileFormat::tiff:
             return readTiffStack(path, options, progress);
+        case FileFormat::dicomFolder:
+            return readDicomFolder(path, options, progress);
+        case FileFormat::dicom:
+            return invalidInput(path.string(), "a single DICOM file", "a CT series of one file a slice",
+                                "give the folder that holds the series");
         default:
             return invalidInput(
                 path.string(),
