@@ -173,7 +173,9 @@ FemurShape::Walls FemurShape::walls(const Vector3& p) const {
     const double main = body(q);
     const double knob = blob(q, parts_.lesser, lesser_axes_);
     const double outer = smoothUnion(main, knob, parts_.lesser_blend);
-    double inner = scale_ * main + cortex(p);
+    // Under the knob the shaft's cortex is thin, a septum (the calcar femorale) rather than a wall.
+    const double under = smoothStep(3, -3, knob);
+    double inner = scale_ * main + cortex(p) * (1 - 0.6 * under);
     if (outer < main - 1e-6) {
         const double shell = 1.2;
         inner = std::min(inner, scale_ * std::max(outer + shell, 0.6 - main));
@@ -197,7 +199,7 @@ double FemurShape::cortex(const Vector3& p) const {
     const double u = d.dot(neck_) * scale_ / neck_length_;
     const double below = -d.dot(neck_side_);
     const double calcar = smoothStep(4, 11, below) * smoothStep(0.95, 0.35, u) * smoothStep(-0.1, 0.15, u);
-    t += calcar * std::max(0.0, 3.0 * scale_ - t);
+    t += calcar * std::max(0.0, 2.6 * scale_ - t);
     // Subchondral bone of the head.
     const double in_head = smoothStep(3, -3, (q - head_ / scale_).norm() - radius_ / scale_);
     return t + in_head * std::min(0.0, shell - t);

@@ -35,7 +35,7 @@ FemurTissue::FemurTissue(const FemurShape& shape, const BoneDensities& densities
         // Principal compressive.
         {arch({15 * s, -12 * s}, {0.45 * head.x(), 14 * s}, head + Vector2(0.02 * r, -0.7 * r),
               head + Vector2(-0.05 * r, 1.02 * r)),
-         3.5 * s, 13 * s, 1.0},
+         3.5 * s, 13 * s, 0.8},
         // Principal tensile.
         {arch({-15 * s, -8 * s}, {-14 * s, neck_up - 2 * s}, {0.45 * head.x(), neck_up + 7 * s},
               head + Vector2(0.95 * r, -0.55 * r)),
@@ -88,26 +88,28 @@ double FemurTissue::inside(const Vector3& p, double depth_mm) const {
     const Vector2 at(p.dot(medial_), p.z());
     const double w = p.dot(across_);
     const double in_head = smoothStep(6 * s, -4 * s, (p - shape_.headCenter()).norm() - shape_.headRadius());
-    const double low =
-        0.18 + 0.32 * smoothStep(8, 0, depth_mm / s);  // of the mean, between the groups, outside the head
-    double relative = low + (1 - low) * 0.75 * in_head;
-    double stream = 1;
-    for (const Group& group : groups_) {
+    const double low = 0.45 + 0.4 * smoothStep(8, 0, depth_mm / s);  // between the groups, of the mean
+    double relative = low + (0.65 - low) * in_head;
+    // Each group is dense near its middle; its lines go on far beyond, fading.
+    double lines = 0, weights = 0.25;
+    for (std::size_t n = 0; n < groups_.size(); ++n) {
+        const Group& group = groups_[n];
         const Place place = locate(group, at);
         const double width = group.width_begin + place.fraction * (group.width_end - group.width_begin);
         const double shape = place.across / width;
-        if (std::abs(shape) > 3) continue;
-        const double weight = std::exp(-0.5 * shape * shape);
-        // Trabeculae fan out with the group: their spacing follows its width.
-        const double lane = shape * 5.5;
-        const double lines = fine_({lane, place.along / (11 * s), w / 14 + 17 * group.strength});
-        const double thin = fine_({lane * 2.1 + 40, place.along / (6 * s), w / 7});
-        relative += group.strength * (1 - 0.45 * place.fraction) * weight * (1 + 0.8 * lines + 0.5 * thin);
-        stream -= 0.6 * weight;
+        if (std::abs(shape) > 6) continue;
+        relative += group.strength * (1 - 0.6 * place.fraction) * std::exp(-0.5 * shape * shape);
+        const double weight = group.strength * std::exp(-0.1 * shape * shape);
+        const double spacing = s * (1.15 + 0.3 * place.fraction);
+        const double offset = 50.0 * static_cast<double>(n);
+        const double sheet = fine_({place.across / spacing + offset, place.along / (9 * s), w / 12});
+        const double rod = fine_({place.across / spacing * 1.7 + offset, place.along / (5 * s), w / 6 + 30});
+        lines += weight * (1.0 - 3.2 * std::abs(sheet) + 0.8 * rod);  // thin bright lines: ridges of the noise
+        weights += weight;
     }
     const double crumbs =
-        fine_({at.x() / 1.7, at.y() / 2.2, w / 6}) + 0.8 * fine_({at.x() / 3.3 + 40, at.y() / 4, w / 10});
-    relative *= 1 + 0.55 * std::max(0.2, stream) * crumbs;
+        fine_({at.x() / 1.5, at.y() / 1.9, w / 8}) + 0.35 * fine_({at.x() / 3.1 + 40, at.y() / 4, w / 12});
+    relative *= 1 + (0.9 - 0.25 * in_head) * lines / weights + 0.35 * crumbs;
     const double bone = densities_.trabecular_hu - densities_.marrow_hu;
     return marrow + filled * std::max(0.0, relative) * bone;
 }

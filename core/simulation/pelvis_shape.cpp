@@ -53,7 +53,10 @@ double PelvisShape::tissue(const Vector3& p, double depth_mm, const LatticeNoise
     const double shell = 1.3 + near_socket * (0.7 + 1.6 * roof);
     const double cortical = 1050 + 150 * near_socket;
     const double stress = std::exp(-std::max(0.0, q.norm() - 30) / 30) * std::max(0.2, q.normalized().z() + 0.4);
-    const double inside = trabecular_hu * (0.35 + 0.6 * stress) * (1 + 0.4 * noise(p / 1.8) + 0.3 * noise(p / 4));
+    // Oblique to the voxels, so that no lattice shows.
+    const Vector3 turned((0.8 * p.x() + 0.6 * p.z()) / 2.1, p.y() / 9, (0.8 * p.z() - 0.6 * p.x()) / 3.3);
+    const double inside = trabecular_hu * (0.35 + 0.6 * stress) *
+                          (1 + 0.7 * noise(turned) + 0.4 * noise(1.8 * turned + Vector3(40, 0, 0)));
     return cortical + smoothStep(shell - 0.4, shell + 0.4, depth_mm / scale_) * (inside - cortical);
 }
 
