@@ -47,11 +47,9 @@ struct Patient {
         }
     }
 
-    double surroundings(const Vector3& p) const {
-        if (!options.soft_tissue) return kAirHu;
-        const double skin = soft.skin(p);
-        const double part = covered(skin, options.voxel_mm);
-        return part > 0 ? mixed(kAirHu, soft.tissue(p, skin), part) : kAirHu;
+    double surroundings(const Vector3& p, const SoftTissue::Box& box) const {
+        const double part = covered(box.skin(p), options.voxel_mm);
+        return part > 0 ? mixed(kAirHu, box.tissue(p), part) : kAirHu;
     }
 
     double withPelvis(const Vector3& p, double around) const {
@@ -184,11 +182,19 @@ void fillBlock(const Patient& patient, Volume& ct, const std::array<int, 3>& fir
     const double reach = 2.5 * 0.5 * std::sqrt(3.0) * kBlock * voxel + 4;
     const bool femur_near = patient.shape.outer(center) < reach;
     const bool pelvis_near = patient.options.pelvis && patient.pelvis.outer(center) < reach;
+    SoftTissue::Box soft;
+    bool in_air = true;
+    if (patient.options.soft_tissue) {
+        const Vector3 half = Vector3::Constant(0.5 * kBlock * voxel);
+        soft = patient.soft.box(center - half, center + half);
+        in_air = soft.allAir(voxel);
+    }
+    if (in_air && !pelvis_near && !femur_near) return;  // the volume was filled with air
     for (int k = first[2]; k < end[2]; ++k)
         for (int j = first[1]; j < end[1]; ++j)
             for (int i = first[0]; i < end[0]; ++i) {
                 const Vector3 p = grid.pointFromIndex(Vector3(i, j, k));
-                double value = patient.surroundings(p);
+                double value = in_air ? kAirHu : patient.surroundings(p, soft);
                 if (pelvis_near) value = patient.withPelvis(p, value);
                 if (femur_near) value = patient.withFemur(p, value);
                 ct(i, j, k) = static_cast<float>(value);

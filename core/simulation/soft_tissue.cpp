@@ -8,6 +8,13 @@ namespace fluorocut {
 
 using namespace implicit;
 
+namespace {
+
+// Beyond this difference between the two nearest muscles there is no fat plane.
+constexpr double kPlaneReach = 3.0;  // mm: 2.2 and the waviness of the plane
+
+}  // namespace
+
 SoftTissue::SoftTissue(double scale, const Vector3& head_center, double fat_mm, std::uint64_t seed)
     : scale_(scale), fat_mm_(fat_mm), noise_(seed ^ 0xc2b2ae35u) {
     // Courses from an atlas' cross sections, for a left thigh with the joint at (-43, -9, 48); from, to, radii, which
@@ -51,6 +58,13 @@ SoftTissue::SoftTissue(double scale, const Vector3& head_center, double fat_mm, 
     };
     const Vector3 typical_head(-42, -9, 48);
     const Vector3 moved = head_center / scale - typical_head;
+    // The thigh goes on below, as far as a volume may reach.
+    for (std::size_t n = 0, count = muscles_.size(); n < count; ++n) {
+        const Muscle m = muscles_[n];
+        if (m.from.z() == -thigh) {
+            muscles_.push_back({{m.from.x(), m.from.y(), -400}, m.from, m.radius_from, m.radius_from, m.owner});
+        }
+    }
     for (Muscle& muscle : muscles_) {
         for (Vector3* end : {&muscle.from, &muscle.to}) {
             // Medial origins at the pelvis go with the joint, insertions on the femur do not.
@@ -81,23 +95,82 @@ double SoftTissue::skin(const Vector3& p) const {
     return scale_ * (smoothUnion(thigh, trunk, 40) + lumps);
 }
 
-double SoftTissue::tissue(const Vector3& p, double skin_mm) const {
-    const double depth = -skin_mm;
-    const double variation = noise_(p / 14);
-    const double fat = kFatHu + 6 * variation;
-    // Skin proper.
-    if (depth < 1.5) return -10;
-    // Subcutaneous fat is thinner in front, thicker at the side of the hip and behind.
-    const double thickness = fat_mm_ * (1 + 0.35 * noise_(p / 60 + Vector3(5, 9, 1)) + 0.0025 * p.z());
-    const double inside = smoothStep(thickness - 1, thickness + 1, depth);
-    if (inside <= 0) return fat + 45 * std::max(0.0, noise_({p.x() / 9, p.y() / 9, p.z() / 25}) - 0.55);
+double SoftTissue::Muscle::distance(const Vector3& p) const {
+    return roundCone(p, from, to, radius_from, radius_to);
+}
 
+SoftTissue::Box::Slow SoftTissue::slowAt(const Vector3& p) const {
+    Box::Slow slow;
+    slow.skin = skin(p);
+    slow.variation = noise_(p / 14);
+    // Subcutaneous fat varies, and is thicker at the side of the hip than down the thigh.
+    slow.fat_thickness = fat_mm_ * (1 + 0.35 * noise_(p / 60 + Vector3(5, 9, 1)) + 0.0025 * p.z());
     // Bellies are not straight bars.
-    const Vector3 bent = p + 4 * Vector3(noise_(p / 34), noise_(p / 34 + Vector3(13, 5, 2)), 2 * noise_(p / 40));
+    slow.bent = p + 4 * Vector3(noise_(p / 34), noise_(p / 34 + Vector3(13, 5, 2)), 2 * noise_(p / 40));
+    return slow;
+}
+
+SoftTissue::Box SoftTissue::box(const Vector3& low, const Vector3& high) const {
+    Box box;
+    box.owner_ = this;
+    box.low_ = low;
+    box.size_ = high - low;
+    for (std::size_t n = 0; n < 8; ++n) {
+        const Vector3 corner(n & 1 ? high.x() : low.x(), n & 2 ? high.y() : low.y(), n & 4 ? high.z() : low.z());
+        box.corners_[n] = slowAt(corner);
+    }
+    box.outermost_ = box.corners_[0].skin;
+    for (const Box::Slow& corner : box.corners_)
+        box.outermost_ = std::min(box.outermost_, corner.skin);
+    if (box.outermost_ > 0) return box;
+
+    // Distances change by no more than the way, and the bending stretches ways by less than a half.
+    const Vector3 middle = 0.5 * (box.corners_[0].bent + box.corners_[7].bent);
+    const double reach = 1.5 * 0.5 * box.size_.norm();
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Muscle& m : muscles_)
+        nearest = std::min(nearest, m.distance(middle));
+    const double limit = nearest + 2 * reach + kPlaneReach;
+    for (std::size_t n = 0; n < muscles_.size(); ++n)
+        if (muscles_[n].distance(middle) < limit) box.near_.push_back(n);
+    return box;
+}
+
+SoftTissue::Box::Slow SoftTissue::Box::slow(const Vector3& p) const {
+    const Vector3 t = (p - low_).cwiseQuotient(size_);
+    Slow sum{0, 0, 0, Vector3::Zero()};
+    for (std::size_t n = 0; n < 8; ++n) {
+        const double weight = (n & 1 ? t.x() : 1 - t.x()) * (n & 2 ? t.y() : 1 - t.y()) * (n & 4 ? t.z() : 1 - t.z());
+        sum.skin += weight * corners_[n].skin;
+        sum.variation += weight * corners_[n].variation;
+        sum.fat_thickness += weight * corners_[n].fat_thickness;
+        sum.bent += weight * corners_[n].bent;
+    }
+    return sum;
+}
+
+double SoftTissue::Box::skin(const Vector3& p) const {
+    return slow(p).skin;
+}
+
+double SoftTissue::Box::tissue(const Vector3& p) const {
+    const Slow here = slow(p);
+    const LatticeNoise& noise = owner_->noise_;
+    const double depth = -here.skin;
+    if (depth < 1.5) return -10;  // skin proper
+    const double fat = kFatHu + 6 * here.variation;
+    const double inside = smoothStep(here.fat_thickness - 1, here.fat_thickness + 1, depth);
+    double subcutaneous = fat;
+    if (inside < 1) {  // with septa
+        subcutaneous += 45 * std::max(0.0, noise({p.x() / 9, p.y() / 9, p.z() / 25}) - 0.55);
+        if (inside <= 0) return subcutaneous;
+    }
+
     double first = std::numeric_limits<double>::infinity(), second = first;
     int owner = -1;
-    for (const Muscle& m : muscles_) {
-        const double d = roundCone(bent, m.from, m.to, m.radius_from, m.radius_to);
+    for (const std::size_t n : near_) {
+        const Muscle& m = owner_->muscles_[n];
+        const double d = m.distance(here.bent);
         if (d < first) {
             if (m.owner != owner) second = first;
             first = d;
@@ -107,13 +180,13 @@ double SoftTissue::tissue(const Vector3& p, double skin_mm) const {
         }
     }
     // Fat planes of some 1.5 mm between muscles, and fat that no muscle fills.
-    const double plane = smoothStep(0.3, 2.2, second - first + 0.8 * noise_(p / 8 + Vector3(3, 3, 3)));
+    const double plane = smoothStep(0.3, 2.2, second - first + 0.8 * noise(p / 8 + Vector3(3, 3, 3)));
     const double claimed = smoothStep(7, 3.5, first);
-    const double belly = kMuscleHu + 4.0 * std::sin(2.4 * owner) + 5 * variation -
-                         22 * std::max(0.0, noise_({p.x() / 3.5, p.y() / 3.5, p.z() / 30}) - 0.35);
-    const double between = -62 + 10 * variation;
+    const double belly = kMuscleHu + 4.0 * std::sin(2.4 * owner) + 5 * here.variation -
+                         22 * std::max(0.0, noise({p.x() / 3.5, p.y() / 3.5, p.z() / 30}) - 0.35);
+    const double between = -62 + 10 * here.variation;
     const double muscle = between + plane * claimed * (belly - between);
-    return fat + inside * (muscle - fat);
+    return subcutaneous + inside * (muscle - subcutaneous);
 }
 
 }  // namespace fluorocut

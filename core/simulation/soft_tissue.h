@@ -6,6 +6,8 @@
 // near lies the fat between them. What no muscle claims is fat.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -19,22 +21,47 @@ class SoftTissue {
     // `scale` 1 goes with a femoral head of 46 mm; `head_center` moves the muscles of the hip with the joint.
     SoftTissue(double scale, const Vector3& head_center, double fat_mm, std::uint64_t seed);
 
-    // Signed distance to the skin, approximately.
-    double skin(const Vector3& p) const;
-    // HU at a point inside the skin; `skin_mm` is skin(p).
-    double tissue(const Vector3& p, double skin_mm) const;
-
     static constexpr double kFatHu = -100;
     static constexpr double kMuscleHu = 55;
+
+    // The tissue within a small box (some mm), where only a few muscles are near and the skin, the bending of the
+    // muscles and slow variations are linear enough to be interpolated from the corners: ten times faster than point by
+    // point.
+    class Box {
+      public:
+        // Signed distance to the skin, and HU at a point inside it.
+        double skin(const Vector3& p) const;
+        double tissue(const Vector3& p) const;
+        bool allAir(double margin_mm) const { return outermost_ > margin_mm; }
+
+      private:
+        friend class SoftTissue;
+        struct Slow {
+            double skin, variation, fat_thickness;
+            Vector3 bent;  // p, moved by the bending
+        };
+        Slow slow(const Vector3& p) const;
+
+        const SoftTissue* owner_ = nullptr;
+        Vector3 low_, size_;
+        std::array<Slow, 8> corners_;
+        std::vector<std::size_t> near_;  // muscles that can matter here
+        double outermost_ = 0;           // lower bound of skin() in the box
+    };
+    Box box(const Vector3& low, const Vector3& high) const;
 
   private:
     struct Muscle {
         Vector3 from, to;
         double radius_from, radius_to;
         int owner;  // bars of one muscle have no fat between them
+
+        double distance(const Vector3& p) const;
     };
+    double skin(const Vector3& p) const;
+    Box::Slow slowAt(const Vector3& p) const;
+
     std::vector<Muscle> muscles_;
-    Vector3 low_, high_;
     double scale_, fat_mm_;
     LatticeNoise noise_;
 };

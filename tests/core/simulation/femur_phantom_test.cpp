@@ -166,6 +166,47 @@ TEST(FemurPhantom, MassAndSurfaceConvergeWithTheVoxelSize) {
     EXPECT_NEAR(totalMass(fine->ct) / totalMass(coarse->ct), 1, 0.01);
 }
 
+TEST(FemurPhantom, FillsTheWholeBoneAndNothingElse) {
+    // Blocks far from the bone are skipped: no voxel of bone may be lost with them.
+    FemurOptions options = dryBone(0.9);
+    options.head_diameter_mm = 52;
+    options.femoral_offset_mm = 52;
+    const auto femur = generateFemur(options);
+    const auto shape = femurShape(options);
+    ASSERT_OK(femur);
+    ASSERT_OK(shape);
+    const Volume& ct = femur->ct;
+    int inside = 0;
+    for (int k = 0; k < ct.size(2); ++k)
+        for (int j = 0; j < ct.size(1); ++j)
+            for (int i = 0; i < ct.size(0); ++i) {
+                const Vector3 p = ct.grid().pointFromIndex(Vector3(i, j, k));
+                const double outer = shape->outer(p);
+                if (outer < -0.5 * options.voxel_mm) {
+                    ++inside;
+                    ASSERT_GT(ct(i, j, k), -200) << p.transpose();
+                } else if (outer > 0.5 * options.voxel_mm) {
+                    ASSERT_EQ(ct(i, j, k), -1000) << p.transpose();
+                }
+            }
+    // The volume holds all of it: no bone at its sides and its top, bone at its lower end.
+    EXPECT_GT(inside, 100000);
+    for (int k = 0; k < ct.size(2); ++k) {
+        for (int j = 0; j < ct.size(1); ++j)
+            ASSERT_EQ(std::max(ct(0, j, k), ct(ct.size(0) - 1, j, k)), -1000);
+        for (int i = 0; i < ct.size(0); ++i)
+            ASSERT_EQ(std::max(ct(i, 0, k), ct(i, ct.size(1) - 1, k)), -1000);
+    }
+    float lowest = -1000, highest = -1000;
+    for (int j = 0; j < ct.size(1); ++j)
+        for (int i = 0; i < ct.size(0); ++i) {
+            lowest = std::max(lowest, ct(i, j, 0));
+            highest = std::max(highest, ct(i, j, ct.size(2) - 1));
+        }
+    EXPECT_GT(lowest, 1000);
+    EXPECT_EQ(highest, -1000);
+}
+
 TEST(FemurPhantom, HeadIsASphereOfTheAskedSizeAndPlace) {
     for (const double diameter : {42.0, 50.0}) {
         FemurOptions options = dryBone(1.0);
