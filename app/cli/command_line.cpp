@@ -87,7 +87,6 @@ int runCommandLine(int argc, const char* const* argv, std::span<const Declare> d
             "fluorocut-cli"};
         app.set_version_flag("--version", "fluorocut-cli " FLUOROCUT_VERSION);
         app.add_flag("--json", json, "Print exactly one JSON object on stdout");
-        app.require_subcommand(1);
         app.fallthrough();
         app.footer(
             "`fluorocut-cli COMMAND --help` tells more about a command.\n"
@@ -116,7 +115,7 @@ int runCommandLine(int argc, const char* const* argv, std::span<const Declare> d
             progress.clear();
             return report ? finish(json, *report) : fail(json, report.error());
         }
-        throw std::logic_error("no command was run");
+        return fail(json, invalidOption("command line", "no command", "one of those in --help"));
     } catch (const std::exception& bug) {
         return failWithBug(json, bug);
     }

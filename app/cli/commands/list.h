@@ -7,8 +7,11 @@
 
 namespace fluorocut::cli {
 
+Command declareDrr(CLI::App& parent);
+Command declarePhantom(CLI::App& parent);
+Command declareCutVolume(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 1> kCommands{declareInfo};
+inline constexpr std::array<Declare, 4> kCommands{declareDrr, declarePhantom, declareCutVolume, declareInfo};
 
 }  // namespace fluorocut::cli
