@@ -149,7 +149,8 @@ std::unique_ptr<ImageSource> room(const test::ScratchFolder&) {
 INSTANTIATE_TEST_SUITE_P(Sources, ImageSourceContract,
                          testing::Values(Entry{"PngFile", [](const auto& s) { return fileSource(s, "view.png"); }},
                                          Entry{"TiffFile", [](const auto& s) { return fileSource(s, "view.tif"); }},
-                                         Entry{"MetaImageFile",
+                                         Entry{"DicomFile", [](const auto& s) { return fileSource(s, "view.dcm"); }},
+                    Entry{"MetaImageFile",
                                                [](const auto& s) { return fileSource(s, "view.mha"); }},
                                          Entry{"VirtualOperatingRoom", room}),
                          [](const auto& entry) { return entry.param.name; });
