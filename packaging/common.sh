@@ -75,14 +75,14 @@ install_packages() {
     quietly build/install.log apt_update_and_install $missing
 }
 
-# Release into build/, with all cores.
+# build_release TESTS (ON or OFF): into build/, with all cores.
 build_release() {
     # A cache for compiled files even where the home folder cannot be written.
     if [ -z "${CCACHE_DIR:-}" ] && ! mkdir -p "${HOME:-/nonexistent}/.cache/ccache" 2>/dev/null; then
         export CCACHE_DIR=$PWD/build/ccache
     fi
     say "configuring"
-    quietly build/configure.log cmake --preset release
+    quietly build/configure.log cmake --preset release -DFLUOROCUT_TESTS="$1"
     say "building with $(nproc) cores"
     quietly build/build.log cmake --build build --parallel "$(nproc)"
 }

@@ -3,7 +3,7 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 install_packages build run
-build_release
+build_release OFF
 run_main_job
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
     say "opening the desktop program (its log: build/desktop.log)"

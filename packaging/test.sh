@@ -24,7 +24,7 @@ run_tests() {
 }
 
 install_packages build run test
-build_release
+build_release ON
 run_main_job
 check_format
 run_tests

@@ -15,4 +15,14 @@ Rigid3 standardView(StandardView view, const Vector3& target_in_femur, double so
     return {rotation, Vector3(0, 0, source_to_target_mm) - rotation * target_in_femur};
 }
 
+CArm standardCArm() {
+    CArm carm;
+    carm.name = "standard 27 cm flat panel";
+    carm.columns = carm.rows = 1024;
+    carm.pixel_mm = {0.26, 0.26};
+    carm.principal_point_px = {511.5, 511.5};
+    carm.focal_length_mm = 1000;
+    return carm;
+}
+
 }  // namespace fluorocut

@@ -14,10 +14,11 @@ constexpr double kZoomPerNotch = 1.2;
 constexpr double kMostZoom = 64;
 constexpr int kMargin = 10;
 
-// Text that can be read on black and on white.
+// Text that can be read on black and on white: on a plate of its own.
 void paintText(QPainter& painter, const QRect& area, int alignment, const QString& text) {
-    painter.setPen(QColor(0, 0, 0, 200));
-    painter.drawText(area.translated(1, 1), alignment, text);
+    if (text.isEmpty()) return;
+    const QRect plate = painter.boundingRect(area, alignment, text).adjusted(-5, -2, 5, 2);
+    painter.fillRect(plate, QColor(12, 15, 18, 170));
     painter.setPen(QColor(225, 232, 238));
     painter.drawText(area, alignment, text);
 }

@@ -76,16 +76,6 @@ Result<Kind> chooseKind(const Options& options) {
     return Kind::lineIntegral;
 }
 
-// A flat-panel C-arm with a 27 cm field, for those who have no file of their own.
-CArm builtInCArm() {
-    CArm carm;
-    carm.name = "built-in, 27 cm flat panel";
-    carm.columns = carm.rows = 1024;
-    carm.pixel_mm = {0.26, 0.26};
-    carm.principal_point_px = {511.5, 511.5};
-    return carm;
-}
-
 // What a standard view looks at: the middle, except that of the built-in femur one wants to see the hip. Its frame's
 // origin lies in the shaft at the lesser trochanter.
 Vector3 aimOf(const Options& options, const VolumeGrid& grid) {
@@ -96,16 +86,17 @@ Vector3 aimOf(const Options& options, const VolumeGrid& grid) {
 Result<Geometry> readGeometry(const Options& options, const VolumeGrid& grid) {
     Geometry geometry;
     if (options.carm.empty()) {
-        geometry.carm = builtInCArm();
+        geometry.carm = standardCArm();
     } else {
         Result<CArm> carm = readCArm(options.carm);
         if (!carm) return carm.error();
         geometry.carm = *carm;
     }
     if (!options.view.empty()) {
-        // The object at 70 % of the way to the detector, as near to it as a patient allows.
+        // At the same part of the way to the detector as in the standard C-arm.
+        const double depth_mm = kStandardObjectDepthMm / standardCArm().focal_length_mm * geometry.carm.focal_length_mm;
         const StandardView view = options.view == "ap" ? StandardView::ap : StandardView::lateral;
-        geometry.imager_from_femur = standardView(view, aimOf(options, grid), 0.7 * geometry.carm.focal_length_mm);
+        geometry.imager_from_femur = standardView(view, aimOf(options, grid), depth_mm);
         return geometry;
     }
     const Result<Pose> pose = readPose(options.pose, Frame::imager, Frame::femur);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/imaging/carm.h"
+#include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
@@ -43,6 +44,14 @@ TEST(StandardViews, TheSourceIsInFrontAndOnTheRight) {
     EXPECT_NEAR((ap - -700 * kBack).norm(), 0, 1e-9);
     const Vector3 lateral = standardView(StandardView::lateral, kTarget, 700).inverse().translation() - kTarget;
     EXPECT_NEAR((lateral - -700 * kLeft).norm(), 0, 1e-9);
+}
+
+TEST(StandardViews, TheStandardCArmIsValidAndCentred) {
+    const CArm carm = standardCArm();
+    ASSERT_OK(carm.validate());
+    // The axis meets the middle of the detector, between the middle pixels.
+    EXPECT_EQ(carm.project({0, 0, kStandardObjectDepthMm}), Vector2(0.5 * (carm.columns - 1), 0.5 * (carm.rows - 1)));
+    EXPECT_LT(kStandardObjectDepthMm, carm.focal_length_mm);
 }
 
 TEST(StandardViews, RefuseADistanceThatIsNone) {
