@@ -42,7 +42,7 @@ as_root() {
 }
 
 apt_update_and_install() {
-    as_root apt-get -q -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 update
+    as_root apt-get -q -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 update || return
     as_root apt-get -q -y -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 install --no-install-recommends "$@"
 }
 
@@ -75,23 +75,36 @@ install_packages() {
     quietly build/install.log apt_update_and_install $missing
 }
 
-# build_release TESTS (ON or OFF): into build/, with all cores.
-build_release() {
+# configure [CMAKE OPTION]...: release, in build/.
+configure() {
     # A cache for compiled files even where the home folder cannot be written.
     if [ -z "${CCACHE_DIR:-}" ] && ! mkdir -p "${HOME:-/nonexistent}/.cache/ccache" 2>/dev/null; then
         export CCACHE_DIR=$PWD/build/ccache
     fi
     say "configuring"
-    quietly build/configure.log cmake --preset release -DFLUOROCUT_TESTS="$1"
+    quietly build/configure.log cmake --preset release "$@"
+}
+
+# build [TARGET]...: these, or everything.
+build() {
     say "building with $(nproc) cores"
-    quietly build/build.log cmake --build build --parallel "$(nproc)"
+    quietly build/build.log cmake --build build --parallel "$(nproc)" ${1:+--target "$@"}
+}
+
+make_pictures() {
+    local cli=build/bin/fluorocut-cli view
+    # errexit does not reach into a function whose outcome is asked for.
+    $cli phantom femur -o output/femur.mha || return
+    for view in ap lateral; do
+        # The origin of the femur's frame: in the shaft, at the lesser trochanter.
+        $cli drr --ct output/femur.mha --view "$view" --aim-mm 0 0 0 -o "output/femur-$view.png" || return
+    done
 }
 
 # The main job: the best picture there is. Saved in output/, and shown where there is a screen.
 run_main_job() {
     mkdir -p output
     say "simulated fluoroscopy of the built-in femur, AP and lateral"
-    quietly build/run.log build/bin/fluorocut-cli drr --ct femur --view ap -o output/femur-ap.png
-    quietly build/run.log build/bin/fluorocut-cli drr --ct femur --view lateral -o output/femur-lateral.png
-    say "saved: output/femur-ap.png, output/femur-lateral.png"
+    quietly build/run.log make_pictures
+    say "saved: output/femur-ap.png, output/femur-lateral.png (and the CT, output/femur.mha)"
 }

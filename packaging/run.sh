@@ -3,7 +3,9 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 install_packages build run
-build_release OFF
+# A folder that is configured already stays as it is; a new one needs no tests, nor their libraries.
+if [ -f build/CMakeCache.txt ]; then configure; else configure -DFLUOROCUT_TESTS=OFF; fi
+build fluorocut fluorocut-cli
 run_main_job
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
     say "opening the desktop program (its log: build/desktop.log)"

@@ -24,7 +24,8 @@ run_tests() {
 }
 
 install_packages build run test
-build_release ON
+configure -DFLUOROCUT_TESTS=ON
+build
 run_main_job
 check_format
 run_tests
