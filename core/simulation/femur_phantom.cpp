@@ -100,8 +100,8 @@ Extent extent(const FemurOptions& options, double scale, const Vector3& head, do
                         36 * scale + options.shaft_length_mm * options.shaft_length_mm / (2 * options.bow_radius_mm),
                         std::max(head.z() + radius, 62 * scale) + 8)};
     }
-    return {Vector3(head.x() - 62 * scale, -96 * scale, -options.shaft_length_mm),
-            Vector3(84 * scale, 106 * scale, head.z() + 62 * scale)};
+    return {Vector3(head.x() - 86 * scale, -96 * scale, -options.shaft_length_mm),
+            Vector3(84 * scale, 106 * scale, head.z() + 76 * scale)};
 }
 
 VolumeGrid makeGrid(const FemurOptions& options, const Extent& box) {
