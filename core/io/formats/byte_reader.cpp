@@ -67,10 +67,11 @@ Result<ByteReader> ByteReader::open(const fs::path& path, std::uint64_t offset, 
     if (!reader.file_ || ::fseeko(reader.file_.get(), static_cast<off_t>(offset), SEEK_SET) != 0) {
         return invalidInput(path.string(), std::strerror(errno), "a readable file");
     }
-    if (encoding == Encoding::deflate) {
+    if (encoding != Encoding::raw) {
         auto inflater = std::make_unique<Inflater>();
-        // 15 bits of window, + 32: zlib and gzip headers are both recognised
-        if (inflateInit2(&inflater->stream, 15 + 32) != Z_OK) throw std::bad_alloc();
+        // 15 bits of window; + 32: zlib and gzip headers are both recognised; negative: there is none
+        if (inflateInit2(&inflater->stream, encoding == Encoding::deflate ? 15 + 32 : -15) != Z_OK)
+            throw std::bad_alloc();
         reader.inflater_.reset(inflater.release());
     }
     return reader;

@@ -28,7 +28,7 @@ constexpr std::uint64_t kMaxInflation = 1032;
 
 class ByteReader {
   public:
-    enum class Encoding { raw, deflate };
+    enum class Encoding { raw, deflate, bareDeflate };  // bareDeflate: without zlib's or gzip's wrapping
 
     // Reads from `offset` on.
     static Result<ByteReader> open(const std::filesystem::path& path, std::uint64_t offset, Encoding encoding);

@@ -12,7 +12,6 @@
 #include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcpixseq.h>
 #include <dcmtk/dcmdata/dcpxitem.h>
-#include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dcuid.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
 #include <dcmtk/dcmjpls/djdecode.h>
@@ -34,7 +33,6 @@ void prepareDcmtk() {
         OFLog::configure(OFLogger::OFF_LOG_LEVEL);  // it would write to stderr; what matters is in our errors
         DJDecoderRegistration::registerCodecs(EDC_photometricInterpretation, EUC_never, EPC_colorByPixel);
         DJLSDecoderRegistration::registerCodecs();
-        DcmRLEDecoderRegistration::registerCodecs();
     });
 }
 
@@ -44,6 +42,32 @@ DcmTagKey key(DicomTag tag) {
 
 bool isJpeg2000(E_TransferSyntax syntax) {
     return syntax == EXS_JPEG2000 || syntax == EXS_JPEG2000LosslessOnly;
+}
+
+bool isJpeg(E_TransferSyntax syntax) {
+    return syntax == EXS_JPEGProcess1 || syntax == EXS_JPEGProcess2_4 || syntax == EXS_JPEGProcess14 ||
+           syntax == EXS_JPEGProcess14SV1 || syntax == EXS_JPEGLSLossless || syntax == EXS_JPEGLSLossy;
+}
+
+// Whether a JPEG or JPEG-LS stream declares this size in its frame header (marker SOFn): DCMTK leaves the rest of a
+// frame as it was when the stream holds a smaller picture.
+bool jpegSizeIs(const std::vector<std::uint8_t>& bytes, int width, int height) {
+    std::size_t at = 2;
+    while (at + 9 < bytes.size()) {
+        if (bytes[at] != 0xFF) return false;
+        const int marker = bytes[at + 1];
+        if (marker == 0xFF) {  // fill byte
+            ++at;
+            continue;
+        }
+        const bool frame =
+            (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC) || marker == 0xF7;
+        if (frame) {
+            return bytes[at + 5] * 256 + bytes[at + 6] == height && bytes[at + 7] * 256 + bytes[at + 8] == width;
+        }
+        at += 2 + static_cast<std::size_t>(bytes[at + 2] * 256 + bytes[at + 3]);
+    }
+    return false;
 }
 
 bool canDecode(E_TransferSyntax syntax) {
@@ -110,13 +134,14 @@ Result<DicomFile> DicomFile::open(const fs::path& path) {
     prepareDcmtk();
     const Result<std::uint64_t> size = inputFileSize(path);
     if (!size) return size.error();
+    if (Result<void> sane = checkDicomNesting(path); !sane) return sane.error();
     auto impl = std::make_unique<Impl>();
     impl->path = path;
     impl->file_bytes = *size;
     const OFCondition loaded = impl->file.loadFile(path.c_str());
     OFString uid;
     impl->file.getMetaInfo()->findAndGetOFString(DCM_TransferSyntaxUID, uid);
-    impl->syntax_uid = uid.c_str();
+    impl->syntax_uid = printable(uid.c_str());
     if (loaded.bad()) {
         const std::string why = DcmXfer(uid.c_str()).getXfer() == EXS_Unknown && !uid.empty()
                                     ? "the transfer syntax " + impl->syntax_uid
@@ -135,7 +160,11 @@ bool DicomFile::has(DicomTag tag) const {
 std::string DicomFile::text(DicomTag tag) const {
     OFString value;
     if (impl_->dataset().findAndGetOFStringArray(key(tag), value).bad()) return {};
-    return std::string(trimmed(value.c_str()));
+    // control characters come from damage; what is above ASCII is a name in the file's character set
+    std::string result(trimmed(value.c_str()));
+    std::replace_if(
+        result.begin(), result.end(), [](unsigned char c) { return c < 32 || c == 127; }, '?');
+    return result;
 }
 
 std::vector<double> DicomFile::numbers(DicomTag tag) const {
@@ -217,7 +246,8 @@ Result<DicomPixelFormat> DicomFile::pixelFormat() const {
     const bool colour = format.samples == 3 && format.bits_allocated == 8 &&
                         (format.photometric == "RGB" || format.photometric.starts_with("YBR"));
     if (!grey && !colour) {
-        return d.bad("PhotometricInterpretation", fmt::format("{} of {} samples", format.photometric, format.samples),
+        return d.bad("PhotometricInterpretation",
+                     fmt::format("{} of {} samples", printable(format.photometric), format.samples),
                      "MONOCHROME1, MONOCHROME2 or RGB", "export it as greyscale");
     }
     if (!(format.frames >= 1)) {
@@ -272,8 +302,9 @@ Result<std::vector<std::uint8_t>> DicomFile::Impl::fragments(int frame, int fram
         bytes.insert(bytes.end(), data, data + item->getLength());
         return true;
     };
-    const auto startsFrame = [](const std::vector<std::uint8_t>& b) {
-        return b.size() > 8 && ((b[0] == 0xFF && b[1] == 0x4F) || std::memcmp(b.data() + 4, "jP  ", 4) == 0);
+    const auto startsFrame = [](const std::vector<std::uint8_t>& b) {  // JPEG 2000 bare and boxed, JPEG
+        return b.size() > 8 &&
+               ((b[0] == 0xFF && (b[1] == 0x4F || b[1] == 0xD8)) || std::memcmp(b.data() + 4, "jP  ", 4) == 0);
     };
     std::vector<std::uint8_t> result;
     if (static_cast<unsigned long>(frames) == count) {  // the usual case: one fragment a frame
@@ -317,37 +348,53 @@ Result<std::vector<float>> DicomFile::frame(const DicomPixelFormat& format, int 
     const Impl& d = *impl_;
     try {
         if (isJpeg2000(d.syntax)) return d.jpeg2000Frame(format, index);
-        const std::size_t count = static_cast<std::size_t>(format.width) * static_cast<std::size_t>(format.height) *
-                                  static_cast<std::size_t>(format.samples);
+        if (isJpeg(d.syntax)) {
+            const Result<std::vector<std::uint8_t>> stream = d.fragments(index, format.frames);
+            if (!stream) return stream.error();
+            if (!jpegSizeIs(*stream, format.width, format.height)) {
+                return d.bad("PixelData", "a JPEG picture of another size than Rows and Columns, or none",
+                             fmt::format("{} x {} pixels", format.width, format.height),
+                             "export it again, uncompressed");
+            }
+        }
+        const std::size_t pixels = static_cast<std::size_t>(format.width) * static_cast<std::size_t>(format.height);
+        const std::size_t count = pixels * static_cast<std::size_t>(format.samples);
         const std::size_t bytes = static_cast<std::size_t>(format.bits_allocated / 8);
-        std::vector<std::uint16_t> buffer((count * bytes + 1) / 2 + 1);  // aligned; room for DCMTK's padding
-        Uint32 fragment = 0;
-        OFString model;
-        const OFCondition status =
-            d.pixelData()->getUncompressedFrame(&d.dataset(), static_cast<Uint32>(index), fragment, buffer.data(),
-                                                static_cast<Uint32>(2 * (buffer.size() - 1)), model);
-        if (status.bad()) {
-            return d.bad("PixelData", fmt::format("frame {} that cannot be decoded ({})", index + 1, status.text()),
-                         "undamaged pixel data", "export it again, uncompressed");
+        std::vector<std::uint8_t> octets((count * bytes + 1) / 2 * 2);  // DCMTK pads a frame to words
+        const bool rle = d.syntax == EXS_RLELossless;
+        OFString model(format.photometric.c_str());
+        if (rle) {
+            const Result<std::vector<std::uint8_t>> stream = d.fragments(index, format.frames);
+            if (!stream) return stream.error();
+            if (!decodeRle(*stream, pixels, static_cast<std::size_t>(format.samples), bytes, octets)) {
+                return d.bad("PixelData", "damaged RLE data", "undamaged pixel data", "export it again, uncompressed");
+            }
+        } else {
+            Uint32 fragment = 0;
+            const OFCondition status =
+                d.pixelData()->getUncompressedFrame(&d.dataset(), static_cast<Uint32>(index), fragment, octets.data(),
+                                                    static_cast<Uint32>(octets.size()), model);
+            if (status.bad()) {
+                return d.bad("PixelData", fmt::format("frame {} that cannot be decoded ({})", index + 1, status.text()),
+                             "undamaged pixel data", "export it again, uncompressed");
+            }
         }
         if (format.samples == 3 && model != "RGB") {
-            return d.bad("PhotometricInterpretation", model.c_str(), "MONOCHROME1, MONOCHROME2 or RGB",
+            return d.bad("PhotometricInterpretation", printable(model.c_str()), "MONOCHROME1, MONOCHROME2 or RGB",
                          "export it as greyscale");
         }
-        const auto* octets = reinterpret_cast<const std::uint8_t*>(buffer.data());
         const int shift = format.high_bit + 1 - format.bits_stored;
         const int mask = (1 << format.bits_stored) - 1;
         const int sign = format.is_signed ? 1 << (format.bits_stored - 1) : 0;
         std::vector<float> values(count);
         for (std::size_t i = 0; i < count; ++i) {
-            const int raw = bytes == 2 ? buffer[i] : octets[i];
+            const int raw = bytes == 2 ? octets[2 * i] | octets[2 * i + 1] << 8 : octets[i];
             const int value = (raw >> shift) & mask;  // bits outside may hold overlays
             values[i] = static_cast<float>((value ^ sign) - sign);
         }
-        const bool by_plane = format.planar && !(d.syntax >= EXS_JPEGProcess1 && d.syntax <= EXS_JPEGProcess14SV1);
+        const bool by_plane = format.planar && !rle && !isJpeg(d.syntax);
         if (format.samples == 3 && by_plane) {
             std::vector<float> interleaved(count);
-            const std::size_t pixels = count / 3;
             for (std::size_t i = 0; i < count; ++i)
                 interleaved[3 * (i % pixels) + i / pixels] = values[i];
             values.swap(interleaved);

@@ -1,7 +1,7 @@
 // One DICOM file: its attributes as plain values, and its frames as stored pixel values. DCMTK stays in the .cpp.
 //
 // Pixel data may be native (little or big endian, deflated), RLE, JPEG baseline, extended and lossless, JPEG-LS (all
-// through DCMTK) or JPEG 2000 (through OpenJPEG). Other transfer syntaxes are named in the error.
+// through DCMTK, but for RLE) or JPEG 2000 (through OpenJPEG). Other transfer syntaxes are named in the error.
 #pragma once
 
 #include <cstdint>
@@ -84,6 +84,13 @@ class DicomFile {
     explicit DicomFile(std::unique_ptr<Impl> impl);
     std::unique_ptr<Impl> impl_;
 };
+
+// Refuses a file whose sequences nest deeper than any image's, which would exhaust DCMTK's stack.
+Result<void> checkDicomNesting(const std::filesystem::path& path);
+
+// RLE: `pixels` times `samples` values of one or two bytes, interleaved, little-endian. False when it is damaged.
+bool decodeRle(const std::vector<std::uint8_t>& bytes, std::size_t pixels, std::size_t samples,
+               std::size_t bytes_per_sample, std::vector<std::uint8_t>& values);
 
 // A JPEG 2000 codestream (with or without the JP2 boxes) of `samples` components of the given size and at most 16 bits;
 // interleaved values. The error's text is what is wrong with it, without the file's name.

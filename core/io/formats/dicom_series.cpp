@@ -177,7 +177,8 @@ Result<void> chooseSeries(const fs::path& folder, const std::string& wanted, std
             list += fmt::format(", and {} more", series.size() - 8);
             break;
         }
-        list += fmt::format("{}{} ({} slices)", listed == 1 ? "" : ", ", uid.empty() ? "without UID" : uid, count);
+        list += fmt::format("{}{} ({} slices)", listed == 1 ? "" : ", ", uid.empty() ? "without UID" : printable(uid),
+                            count);
     }
     if (wanted.empty()) {
         if (series.size() == 1) return {};

@@ -184,7 +184,7 @@ Result<RasterHeader> readMetaImageHeader(const fs::path& path) {
     if (!skip) return skip.error();
     if (!skip->empty() && (*skip)[0] != 0) {
         const Result<std::uint64_t> size = inputFileSize(header.data_file);
-        if (!size) return size.error();
+        if (!size) return invalidInput(fields.where("ElementDataFile"), size.error().found, "its data file");
         const double wanted = static_cast<double>(header.count()) * static_cast<double>(byteCount(header.type));
         // -1: the data are the file's last bytes
         const double offset = (*skip)[0] == -1 ? static_cast<double>(*size) - wanted : (*skip)[0];

@@ -131,7 +131,7 @@ Result<Header> parseHeader(const fs::path& path, std::string_view content) {
         } else if (parts[0] == "element" && parts.size() == 3) {
             std::int64_t count = 0;
             if (!parseInteger(parts[2], count) || count < 0) return wrong("element, name and number");
-            header.elements.push_back({std::string(parts[1]), static_cast<std::uint64_t>(count), {}});
+            header.elements.push_back({printable(parts[1]), static_cast<std::uint64_t>(count), {}});
         } else if (parts[0] == "property" && !header.elements.empty() && (parts.size() == 3 || parts.size() == 5)) {
             Property property;
             const bool list = parts.size() == 5 && parts[1] == "list";
@@ -139,7 +139,7 @@ Result<Header> parseHeader(const fs::path& path, std::string_view content) {
             if (list) property.count = typeFromName(parts[2]);
             if (!type || (parts.size() == 5 && !property.count)) return wrong("property, type and name");
             property.type = *type;
-            property.name = std::string(parts.back());
+            property.name = printable(parts.back());
             header.elements.back().properties.push_back(property);
         } else {
             return wrong("format, element or property");

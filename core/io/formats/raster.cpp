@@ -82,11 +82,15 @@ std::string lower(std::string_view text) {
     return result;
 }
 
-std::string shown(std::string_view text) {
-    std::string result = "\"";
+std::string printable(std::string_view text) {
+    std::string result;
     for (const char c : text.substr(0, 60))
         result += std::isprint(static_cast<unsigned char>(c)) ? c : '?';
-    return result + (text.size() > 60 ? "...\"" : "\"");
+    return text.size() > 60 ? result + "..." : result;
+}
+
+std::string shown(std::string_view text) {
+    return fmt::format("\"{}\"", printable(text));
 }
 
 Result<void> checkRaster(const fs::path& path, RasterHeader& header, std::uint64_t max_elements) {
@@ -132,7 +136,12 @@ Result<void> checkRaster(const fs::path& path, RasterHeader& header, std::uint64
                             "finite numbers");
     }
     const Result<std::uint64_t> file_size = inputFileSize(header.data_file);
-    if (!file_size) return file_size.error();
+    if (!file_size) {
+        Error error = file_size.error();
+        if (header.data_file != path)
+            error.where = fmt::format("{}, its data file {}", where, shown(header.data_file.filename().string()));
+        return error;
+    }
     const std::uint64_t held = *file_size > header.data_offset ? *file_size - header.data_offset : 0;
     const std::uint64_t wanted = count * byteCount(header.type);
     if (header.compressed ? wanted / kMaxInflation > held : wanted > held) {

@@ -93,7 +93,8 @@ bool parseNumber(std::string_view text, double& value);
 bool parseInteger(std::string_view text, std::int64_t& value);
 std::string lower(std::string_view text);
 
-// A text safe to show in a message: printable, at most 60 characters.
+// A text from a file, safe to show in a message: printable, at most 60 characters; `printable` without the quotes.
 std::string shown(std::string_view text);
+std::string printable(std::string_view text);
 
 }  // namespace fluorocut
