@@ -114,14 +114,12 @@ Result<void> readOrientation(const fs::path& path, const Header& file, RasterHea
             ras.row(static_cast<Eigen::Index>(row)) = file.vector(kSrow + 16 * row).transpose();
             origin[static_cast<Eigen::Index>(row)] = file.float32(kSrow + 16 * row + 12);
         }
-        have = true;
-        if (file.int16(kQformCode) > 0 && !isOrthogonal(ras)) {
-            header.notes.push_back("the sform matrix is sheared: the qform is used");
-            have = false;
-        } else if (!ras.allFinite() || !origin.allFinite()) {
+        if (!ras.allFinite() || !origin.allFinite()) {
             return invalidInput(path.string() + ", header field srow", "numbers that are not finite", "a finite matrix",
                                 "export it again");
         }
+        have = file.int16(kQformCode) <= 0 || isOrthogonal(ras);
+        if (!have) header.notes.push_back("the sform matrix is sheared: the qform is used");
     }
     if (!have && file.int16(kQformCode) > 0) {
         const Vector3 bcd = file.vector(kQuaternion);
