@@ -40,35 +40,38 @@ Result<Image> displayPicture(const Image& levels, const DisplayOptions& options)
     const float floor = std::max(most / 60000, std::numeric_limits<float>::min());
     const float open = 0.97F * most;
     Image picture = levels;
-    std::vector<float> body;
-    for (float& value : picture.pixels()) {
-        const bool in_body = value < open;
-        value = std::log(std::max(value, floor));
-        if (in_body) body.push_back(value);
+    Image in_body(levels.width(), levels.height(), 0.0F);
+    for (std::size_t i = 0; i < picture.size(); ++i) {
+        if (levels.pixels()[i] < open) in_body.pixels()[i] = 1;
+        picture.pixels()[i] = std::log(std::max(levels.pixels()[i], floor));
     }
-    if (body.empty()) body = picture.pixels();
-    // What is brighter than the body is cut off first, or the open beam would shine into the skin.
-    const float brightest = percentile(body, options.white_percentile);
-    for (float& value : picture.pixels())
-        value = std::min(value, brightest);
+    const bool none = std::all_of(in_body.pixels().begin(), in_body.pixels().end(), [](float in) { return in == 0; });
+    if (none) in_body = Image(levels.width(), levels.height(), 1.0F);
 
-    const Image wide = gaussianBlurred(picture, options.sigma_part * std::max(levels.width(), levels.height()));
+    // The mean over the body alone: the open beam would shine into the skin.
+    const double sigma_px = options.sigma_part * std::max(levels.width(), levels.height());
+    Image wide = picture;
+    for (std::size_t i = 0; i < wide.size(); ++i)
+        wide.pixels()[i] *= in_body.pixels()[i];
+    wide = gaussianBlurred(wide, sigma_px);
+    const Image weight = gaussianBlurred(in_body, sigma_px);
     const auto compression = static_cast<float>(options.compression);
     const auto detail = static_cast<float>(options.detail);
-    body.clear();
+    std::vector<float> body;
+    for (std::size_t i = 0; i < picture.size(); ++i) {
+        if (in_body.pixels()[i] == 0) continue;
+        float& value = picture.pixels()[i];
+        const float low = wide.pixels()[i] / std::max(weight.pixels()[i], 1e-6F);
+        value = compression * low + detail * (value - low);
+        body.push_back(value);
+    }
+    const float black = percentile(body, options.black_percentile);
+    const float white = percentile(body, options.white_percentile);
+    if (!(white > black)) return Image(levels.width(), levels.height(), 0.5F);
     for (std::size_t i = 0; i < picture.size(); ++i) {
         float& value = picture.pixels()[i];
-        const float low = wide.pixels()[i];
-        value = compression * low + detail * (value - low);
-        if (levels.pixels()[i] < open) body.push_back(value);
+        value = in_body.pixels()[i] == 0 ? 1.0F : std::clamp((value - black) / (white - black), 0.0F, 1.0F);
     }
-    if (body.empty()) body = picture.pixels();
-    const float black = percentile(body, options.black_percentile);
-    // Never above what the open beam has become, so that it is white.
-    const float white = std::min(percentile(body, options.white_percentile), compression * brightest);
-    if (!(white > black)) return Image(levels.width(), levels.height(), 0.5F);
-    for (float& value : picture.pixels())
-        value = std::clamp((value - black) / (white - black), 0.0F, 1.0F);
     return picture;
 }
 

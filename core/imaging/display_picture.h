@@ -1,10 +1,11 @@
 // From detector levels to the picture that a C-arm's monitor shows: logarithm, compression of the wide differences
 // between thick and thin parts of the body, emphasis of detail, and a window that leaves the open beam out.
 //
-//     g = ln(max(I, floor)),   low = G_sigma * g,   d = compression low + detail (g - low)
+//     g = ln(max(I, floor)),   low = G_sigma * (m g) / G_sigma * m,   d = compression low + detail (g - low)
 //
-// the dynamic range compression of digital radiography (Kobayashi et al. 1993), black to white over the percentiles
-// [black, white] of what the body covers. For eyes only: nothing may be measured in it.
+// with m = 1 where there is a body and 0 in the open beam (97 % of the brightest and more), which is shown white: the
+// dynamic range compression of digital radiography (Kobayashi et al. 1993), black to white over the percentiles
+// [black, white] of the body. For eyes only: nothing may be measured in it.
 #pragma once
 
 #include "core/base/result.h"
@@ -17,7 +18,7 @@ struct DisplayOptions {
     double detail = 1.4;            // of differences narrower than the blur; 1: none
     double sigma_part = 1.0 / 24;   // standard deviation of the blur, of the image's longer side
     double black_percentile = 0.1;  // of the pixels that are not open beam
-    double white_percentile = 99;
+    double white_percentile = 92;
 
     // Names the field, the value and the limit.
     Result<void> validate() const;

@@ -36,7 +36,7 @@ class InfoTest : public testing::Test {
 TEST_F(InfoTest, Images) {
     Image image(7, 5, 12.0F);
     image(3, 2) = 4000;
-    for (const char* name : {"a.png", "a.tiff", "a.mha", "a.nrrd"}) {
+    for (const char* name : {"a.png", "a.tiff", "a.mha", "a.nrrd", "a.dcm"}) {
         ASSERT_OK(writeImage(scratch_ / name, image));
         const nlohmann::json info = infoOf(name);
         EXPECT_EQ(info["kind"], "image") << name;
@@ -114,6 +114,9 @@ TEST_F(InfoTest, RealFiles) {
     const nlohmann::json femur = onlyJson(cli({"info", (data / "ct/femur_m3_left_0.8mm.nii.gz").string(), "--json"}));
     EXPECT_EQ(femur["format"], "NIfTI");
     EXPECT_NEAR(femur["spacing_mm"][0].get<double>(), 0.8, 1e-6);
+    const nlohmann::json series = onlyJson(cli({"info", (data / "ct/ct_abdomen_j2k_dicom").string(), "--json"}));
+    EXPECT_EQ(series["format"], "DICOM");
+    EXPECT_EQ(series["modality"], "CT");
     const nlohmann::json mesh = onlyJson(cli({"info", (data / "mesh/m3_lfemur_mm.stl").string(), "--json"}));
     EXPECT_EQ(mesh["watertight"], true);
 }
