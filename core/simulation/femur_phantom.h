@@ -17,6 +17,7 @@
 // Dorr et al., Bone 14 (1993), for the types A, B, C.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -72,23 +73,23 @@ struct FemurOptions {
 
 // Facts about the generated femur, in the CT's frame, mm. For showing and for checking, never for an estimator.
 struct FemurLandmarks {
-    Vector3 head_center_mm;
-    double head_radius_mm;
-    Vector3 neck_base_mm;                       // where the neck's axis meets the shaft's
-    Vector3 neck_direction;                     // unit, toward the head
-    std::vector<Vector3> shaft_axis_mm;         // centres of the shaft every 10 mm, from the lesser trochanter down
-    Vector3 greater_trochanter_mm;              // highest point
-    Vector3 lesser_trochanter_mm;               // tip
-    Vector3 isthmus_mm;                         // on the axis
-    double isthmus_outer_mm, isthmus_canal_mm;  // medio-lateral widths
-    double canal_flare_index;
+    Vector3 head_center_mm = kNotSet;
+    double head_radius_mm = NAN;
+    Vector3 neck_base_mm = kNotSet;           // where the neck's axis passes the shaft's, a little in front of it
+    Vector3 neck_direction = kNotSet;         // unit, toward the head
+    std::vector<Vector3> shaft_axis_mm;       // centres of the shaft every 10 mm, from the lesser trochanter down
+    Vector3 greater_trochanter_mm = kNotSet;  // highest point
+    Vector3 lesser_trochanter_mm = kNotSet;   // tip
+    Vector3 isthmus_mm = kNotSet;             // on the axis
+    double isthmus_outer_mm = NAN, isthmus_canal_mm = NAN;  // medio-lateral widths
+    double canal_flare_index = NAN;
 };
 
 struct FemurPhantom {
     Volume ct;
     FemurLandmarks landmarks;
     std::optional<RemovedImplantFacts> removed_implant;
-    double elapsed_ms;
+    double elapsed_ms = NAN;
 };
 
 // Fails with invalidOption (also when options contradict each other, such as a canal wider than the bone), or

@@ -7,8 +7,8 @@
 
 namespace fluorocut {
 
-// The largest volume that is generated: 2 GB of float voxels.
-inline constexpr double kMaxPhantomVoxels = 5e8;
+// The largest volume that is generated: 1 GB of float voxels.
+inline constexpr double kMaxPhantomVoxels = 2.5e8;
 
 inline Result<void> requireVoxelCount(double count) {
     if (count <= kMaxPhantomVoxels) return {};

@@ -20,7 +20,7 @@ constexpr double kPlugLength = 12;     // mm
 
 Result<void> ImplantRemoval::validate() const {
     if (auto ok = requireRange("resection_height_mm", resection_height_mm, 2, 30, "mm"); !ok) return ok;
-    if (auto ok = requireRange("stem_length_mm", stem_length_mm, 40, 250, "mm"); !ok) return ok;
+    if (auto ok = requireRange("stem_length_mm", stem_length_mm, 60, 250, "mm"); !ok) return ok;
     if (auto ok = requireRange("widening_mm", widening_mm, 0, 6, "mm"); !ok) return ok;
     if (auto ok = requireRange("cement_coverage", cement_coverage, 0, 1, ""); !ok) return ok;
     if (auto ok = requireRange("cement_hu", cement_hu, 0, 5000, "HU"); !ok) return ok;

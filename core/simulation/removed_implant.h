@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/simulation/femur_shape.h"
@@ -22,6 +23,8 @@ struct ImplantRemoval {
     // Names the field, the value and the limit.
     Result<void> validate() const;
 };
+
+inline const Vector3 kNotSet = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
 
 // Facts, in the CT's frame, mm.
 struct RemovedImplantFacts {
