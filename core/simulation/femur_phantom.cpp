@@ -48,6 +48,7 @@ struct Patient {
     }
 
     double surroundings(const Vector3& p, const SoftTissue::Box& box) const {
+        if (box.allInside(options.voxel_mm)) return box.tissue(p);
         const double part = covered(box.skin(p), options.voxel_mm);
         return part > 0 ? mixed(kAirHu, box.tissue(p), part) : kAirHu;
     }
@@ -187,7 +188,7 @@ void fillBlock(const Patient& patient, Volume& ct, const std::array<int, 3>& fir
     if (patient.options.soft_tissue) {
         const Vector3 half = Vector3::Constant(0.5 * kBlock * voxel);
         soft = patient.soft.box(center - half, center + half);
-        in_air = soft.allAir(voxel);
+        in_air = soft.allOutside(voxel);
     }
     if (in_air && !pelvis_near && !femur_near) return;  // the volume was filled with air
     for (int k = first[2]; k < end[2]; ++k)

@@ -119,10 +119,12 @@ SoftTissue::Box SoftTissue::box(const Vector3& low, const Vector3& high) const {
         const Vector3 corner(n & 1 ? high.x() : low.x(), n & 2 ? high.y() : low.y(), n & 4 ? high.z() : low.z());
         box.corners_[n] = slowAt(corner);
     }
-    box.outermost_ = box.corners_[0].skin;
-    for (const Box::Slow& corner : box.corners_)
-        box.outermost_ = std::min(box.outermost_, corner.skin);
-    if (box.outermost_ > 0) return box;
+    box.lowest_skin_ = box.highest_skin_ = box.corners_[0].skin;
+    for (const Box::Slow& corner : box.corners_) {
+        box.lowest_skin_ = std::min(box.lowest_skin_, corner.skin);
+        box.highest_skin_ = std::max(box.highest_skin_, corner.skin);
+    }
+    if (box.lowest_skin_ > 0) return box;
 
     // Distances change by no more than the way, and the bending stretches ways by less than a half.
     const Vector3 middle = 0.5 * (box.corners_[0].bent + box.corners_[7].bent);

@@ -32,7 +32,8 @@ class SoftTissue {
         // Signed distance to the skin, and HU at a point inside it.
         double skin(const Vector3& p) const;
         double tissue(const Vector3& p) const;
-        bool allAir(double margin_mm) const { return outermost_ > margin_mm; }
+        bool allOutside(double margin_mm) const { return lowest_skin_ > margin_mm; }
+        bool allInside(double margin_mm) const { return highest_skin_ < -margin_mm; }
 
       private:
         friend class SoftTissue;
@@ -45,8 +46,8 @@ class SoftTissue {
         const SoftTissue* owner_ = nullptr;
         Vector3 low_, size_;
         std::array<Slow, 8> corners_;
-        std::vector<std::size_t> near_;  // muscles that can matter here
-        double outermost_ = 0;           // lower bound of skin() in the box
+        std::vector<std::size_t> near_;              // muscles that can matter here
+        double lowest_skin_ = 0, highest_skin_ = 0;  // of the corners
     };
     Box box(const Vector3& low, const Vector3& high) const;
 
