@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include <unistd.h>
+
 namespace fluorocut::cli {
 
 namespace fs = std::filesystem;
@@ -39,6 +41,9 @@ Result<void> checkOutput(const fs::path& output, const std::vector<fs::path>& in
     const fs::path folder = output.has_parent_path() ? output.parent_path() : fs::path(".");
     if (!fs::is_directory(folder, code)) {
         return invalidOption(where, "no folder " + folder.string(), "an existing folder");
+    }
+    if (::access(folder.c_str(), W_OK) != 0) {
+        return invalidOption(where, "a folder that cannot be written to, " + folder.string(), "a writable folder");
     }
     if (fs::is_directory(output, code)) return invalidOption(where, "a folder of that name", "a file's name");
     if (!fs::exists(output, code)) return {};
