@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kMaxFiles = 100000;
+constexpr std::string_view kCtImageStorage = "1.2.840.10008.5.1.4.1.1.2";
 constexpr float kAir_hu = -1000;
 // Positions are written with two or three decimals; 0.05 mm is below what any image here can show.
 constexpr double kPositionTolerance_mm = 0.05;
@@ -142,7 +143,8 @@ Result<Found> findSlices(const fs::path& folder, Progress& progress) {
         const Result<DicomFile> file = DicomFile::open(path);
         if (!file) return file.error();
         const std::string modality = file->text(tag::kModality);
-        if (!file->hasPixelData() || modality != "CT") {
+        const bool is_ct = modality == "CT" || (modality.empty() && file->text(tag::kSopClass) == kCtImageStorage);
+        if (!file->hasPixelData() || !is_ct) {
             ++found.other_images;
             if (!modality.empty()) other_modalities.insert(shown(modality));
             continue;

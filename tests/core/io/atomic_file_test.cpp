@@ -5,17 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/core/io/test_files.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string content(const fs::path& path) {
-    std::ifstream stream(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-}
+using test::content;
 
 std::size_t entries(const fs::path& folder) {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));

@@ -11,23 +11,17 @@
 #include "core/io/image_file.h"
 #include "core/io/volume_file.h"
 #include "tests/core/io/dicom_maker.h"
+#include "tests/core/io/test_files.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
 namespace fs = std::filesystem;
+using test::content;
+using test::put;
 using ::testing::Contains;
 using ::testing::HasSubstr;
-
-std::string content(const fs::path& path) {
-    std::ifstream stream(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-void put(const fs::path& path, std::string_view bytes) {
-    std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
 
 // 2 x 3 x 2 voxels 0, 1, 2, ... as int16.
 std::string voxels(bool big) {

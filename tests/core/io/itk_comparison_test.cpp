@@ -9,12 +9,14 @@
 #include <itkNrrdImageIO.h>
 
 #include "core/io/volume_file.h"
+#include "tests/core/io/test_files.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
 namespace fs = std::filesystem;
+using test::obliqueVolume;
 using ItkImage = itk::Image<float, 3>;
 
 // ITK's factories are left out (one of them would bring GDCM): the reader is told its format.
@@ -22,20 +24,6 @@ itk::ImageIOBase::Pointer formatOf(const fs::path& path) {
     if (path.extension() == ".mha") return itk::MetaImageIO::New().GetPointer();
     if (path.extension() == ".nrrd") return itk::NrrdImageIO::New().GetPointer();
     return itk::NiftiImageIO::New().GetPointer();
-}
-
-Volume oblique(bool left_handed) {
-    VolumeGrid grid;
-    grid.size = {7, 5, 4};
-    grid.spacing_mm = {0.7, 1.1, 3.0};
-    grid.origin_mm = {-120.25, 33.5, -980.125};
-    grid.direction = Rigid3::fromTwistRollPitch(0.4, -0.7, 2.9).rotationMatrix();
-    if (left_handed) grid.direction.col(2) *= -1;
-    Volume volume(grid);
-    for (std::size_t i = 0; i < volume.voxels().size(); ++i) {
-        volume.voxels()[i] = static_cast<float>(static_cast<int>(i * 37 % 4000) - 1000);
-    }
-    return volume;
 }
 
 ItkImage::Pointer readWithItk(const fs::path& path) {
@@ -80,7 +68,7 @@ TEST_P(ItkComparison, ItkReadsWhatWeWrite) {
     const test::ScratchFolder scratch;
     const fs::path path = scratch / (std::string("v") + GetParam());
     for (const bool left_handed : {false, true}) {
-        const Volume volume = oblique(left_handed);
+        const Volume volume = obliqueVolume(left_handed);
         for (const VoxelType type : {VoxelType::int16, VoxelType::float32}) {
             for (const bool compressed : {false, true}) {
                 ASSERT_OK(writeVolume(path, volume, VolumeWriteOptions{type, compressed}));
@@ -107,7 +95,7 @@ TEST_P(ItkComparison, WeReadWhatItkWrites) {
     const test::ScratchFolder scratch;
     const fs::path path = scratch / (std::string("v") + GetParam());
     for (const bool left_handed : {false, true}) {
-        const Volume volume = oblique(left_handed);
+        const Volume volume = obliqueVolume(left_handed);
         for (const bool compressed : {false, true}) {
             writeWithItk(path, volume, compressed);
             const Result<VolumeFile> read = readVolume(path);

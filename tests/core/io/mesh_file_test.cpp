@@ -8,17 +8,15 @@
 
 #include "core/geometry/mesh_tools.h"
 #include "core/geometry/primitives.h"
+#include "tests/core/io/test_files.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
 namespace fs = std::filesystem;
+using test::put;
 using ::testing::HasSubstr;
-
-void put(const fs::path& path, const std::string& content) {
-    std::ofstream(path, std::ios::binary) << content;
-}
 
 std::string asciiStl(const TriangleMesh& mesh) {
     std::ostringstream text;

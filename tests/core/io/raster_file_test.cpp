@@ -7,27 +7,14 @@
 
 #include "core/io/image_file.h"
 #include "core/io/volume_file.h"
+#include "tests/core/io/test_files.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
+using test::obliqueVolume;
 using ::testing::HasSubstr;
-
-// Anisotropic, oblique, far from the origin, left-handed when asked for; voxels are whole numbers of HU.
-Volume oblique(bool left_handed) {
-    VolumeGrid grid;
-    grid.size = {7, 5, 4};
-    grid.spacing_mm = {0.7, 1.1, 3.0};
-    grid.origin_mm = {-120.25, 33.5, -980.125};
-    grid.direction = Rigid3::fromTwistRollPitch(0.4, -0.7, 2.9).rotationMatrix();
-    if (left_handed) grid.direction.col(2) *= -1;
-    Volume volume(grid);
-    for (std::size_t i = 0; i < volume.voxels().size(); ++i) {
-        volume.voxels()[i] = static_cast<float>(static_cast<int>(i * 37 % 4000) - 1000);
-    }
-    return volume;
-}
 
 void expectSamePlace(const VolumeGrid& a, const VolumeGrid& b, double tolerance_mm) {
     EXPECT_EQ(a.size, b.size);
@@ -43,7 +30,7 @@ class VolumeRoundTrip : public testing::TestWithParam<const char*> {};
 TEST_P(VolumeRoundTrip, KeepsVoxelsAndPlace) {
     const test::ScratchFolder scratch;
     for (const bool left_handed : {false, true}) {
-        const Volume volume = oblique(left_handed);
+        const Volume volume = obliqueVolume(left_handed);
         for (const VoxelType type : {VoxelType::int16, VoxelType::float32}) {
             for (const bool compressed : {false, true}) {
                 const auto path = scratch / (std::string("v") + GetParam());
@@ -66,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, VolumeRoundTrip, testing::Values(".mha", ".nrr
 
 TEST(VolumeFileTest, RefusesVoxelsThatDoNotFitTheType) {
     const test::ScratchFolder scratch;
-    Volume volume = oblique(false);
+    Volume volume = obliqueVolume(false);
     volume(1, 1, 1) = 40000;
     const Result<void> written = writeVolume(scratch / "v.mha", volume, VoxelType::int16);
     ASSERT_FALSE(written.ok());
@@ -77,7 +64,7 @@ TEST(VolumeFileTest, RefusesVoxelsThatDoNotFitTheType) {
 
 TEST(VolumeFileTest, RefusesVoxelsThatAreNotFinite) {
     const test::ScratchFolder scratch;
-    Volume volume = oblique(false);
+    Volume volume = obliqueVolume(false);
     volume(1, 1, 1) = NAN;
     ASSERT_OK(writeVolume(scratch / "v.mha", volume));
     const Result<VolumeFile> read = readVolume(scratch / "v.mha");
@@ -200,7 +187,7 @@ TEST(ImageFileTest, SpacingIsKeptWithoutAPlane) {
 
 TEST(ImageFileTest, ASliceOfAVolumeIsAFrame) {
     const test::ScratchFolder scratch;
-    const Volume volume = oblique(false);
+    const Volume volume = obliqueVolume(false);
     for (const char* name : {"v.mha", "v.nrrd"}) {
         for (const bool compressed : {false, true}) {
             ASSERT_OK(writeVolume(scratch / name, volume, VolumeWriteOptions{VoxelType::int16, compressed}));
