@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "core/io/file_format.h"
+#include "core/io/formats/byte_reader.h"
 #include "core/io/formats/dicom.h"
 #include "core/io/formats/pixels.h"
 #include "core/io/formats/raster.h"
@@ -119,7 +120,7 @@ void survey(ImageFile& file) {
 }  // namespace
 
 Result<ImageFile> readImage(const fs::path& path, const ImageReadOptions& options) {
-    Result<ImageFile> file = readByFormat(path, options);
+    Result<ImageFile> file = withinMemory(path, [&] { return readByFormat(path, options); });
     if (file) survey(*file);
     return file;
 }

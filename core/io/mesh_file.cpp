@@ -77,7 +77,7 @@ Result<RawMesh> parse(const fs::path& path) {
 }  // namespace
 
 Result<MeshFile> readMesh(const fs::path& path, const MeshReadOptions& options) {
-    Result<RawMesh> raw = parse(path);
+    Result<RawMesh> raw = withinMemory(path, [&] { return parse(path); });
     if (!raw) return raw.error();
     if (raw->mesh.triangles.empty()) return invalidInput(path.string(), "no triangles", "a surface");
     const double scale = options.unit == LengthUnit::m ? 1000 : 1;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "core/io/file_format.h"
+#include "core/io/formats/byte_reader.h"
 #include "core/io/formats/dicom.h"
 #include "core/io/formats/pixels.h"
 #include "core/io/formats/raster.h"
@@ -82,7 +83,7 @@ Result<VolumeFile> readVolume(const fs::path& path, const VolumeReadOptions& opt
             fmt::format("{} {} {}", options.spacing_mm->x(), options.spacing_mm->y(), options.spacing_mm->z()),
             "0.0001 to 10000 mm");
     }
-    Result<VolumeFile> file = readByFormat(path, options, progress);
+    Result<VolumeFile> file = withinMemory(path, [&] { return readByFormat(path, options, progress); });
     if (!file) return file;
     std::size_t unknown = 0;
     float least = INFINITY, most = -INFINITY;

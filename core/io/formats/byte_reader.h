@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -55,6 +56,17 @@ class ByteReader {
     std::unique_ptr<Inflater, EndInflate> inflater_;
     std::string problem_ = "the end of the file";
 };
+
+// `read()`, or a sentence where it runs out of memory.
+template <class Read>
+auto withinMemory(const std::filesystem::path& path, const Read& read) -> decltype(read()) {
+    try {
+        return read();
+    } catch (const std::bad_alloc&) {
+        return invalidInput(path.string(), "content that needs more memory than there is", "a smaller file",
+                            "close other programs, or crop or resample it");
+    }
+}
 
 enum class DeflateWrapper { zlib, gzip };
 std::string deflated(std::string_view bytes, DeflateWrapper wrapper);
