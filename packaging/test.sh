@@ -3,14 +3,19 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 # Later versions of clang-format lay some lines out differently.
+format_good=yes
 check_format() {
     if ! clang-format --version 2>/dev/null | grep -q 'version 14\.'; then
-        say "format: not checked (that needs clang-format 14)"
+        say "format of the sources: not checked (that needs clang-format 14)"
         return
     fi
-    say "checking the format of the sources"
     find app core ui tests -name '*.h' -o -name '*.cpp' | sort >build/sources.txt
-    quietly build/format.log xargs -a build/sources.txt clang-format --dry-run -Werror
+    if xargs -a build/sources.txt clang-format --dry-run -Werror >build/format.log 2>&1 </dev/null; then
+        say "format of the sources: good"
+    else
+        format_good=no
+        say "format of the sources: off in $(grep -c ': error:' build/format.log) places"
+    fi
 }
 
 run_tests() {
@@ -29,4 +34,5 @@ build
 run_main_job
 check_format
 run_tests
+[ $format_good = yes ] || give_up build/format.log "all tests passed, but the format is off: run clang-format -i"
 say "done"

@@ -41,7 +41,8 @@ Result<CArm> readCArm(const std::filesystem::path& path, const DistortionReaders
     carm.principal_point_px = file->vector<2>("principal_point_px");
     const bool distorted = !file->isNull("distortion");
     const std::string distortion = distorted ? file->text("distortion") : std::string();
-    if (distorted && distortion.empty()) file->fail("distortion", "an empty text", "null or the path of a distortion file");
+    if (distorted && distortion.empty())
+        file->fail("distortion", "an empty text", "null or the path of a distortion file");
     if (const Result<void> read = file->finish(); !read) return read.error();
     if (const Result<void> valid = carm.validate(); !valid) {
         const Error& error = valid.error();
@@ -55,7 +56,8 @@ Result<CArm> readCArm(const std::filesystem::path& path, const DistortionReaders
     return carm;
 }
 
-Result<void> writeCArm(const std::filesystem::path& path, const CArm& carm, const std::filesystem::path& distortion_file) {
+Result<void> writeCArm(const std::filesystem::path& path, const CArm& carm,
+                       const std::filesystem::path& distortion_file) {
     if ((carm.distortion == nullptr) != distortion_file.empty()) {
         throw std::logic_error("writeCArm: the C-arm's distortion and its file do not go together");
     }
@@ -71,8 +73,9 @@ Result<void> writeCArm(const std::filesystem::path& path, const CArm& carm, cons
     json["distortion"] = nullptr;
     if (carm.distortion) {
         const std::filesystem::path folder = std::filesystem::absolute(path).lexically_normal().parent_path();
-        json["distortion"] = distortion_file.is_absolute() ? distortion_file.lexically_normal().lexically_relative(folder).string()
-                                                           : distortion_file.string();
+        json["distortion"] = distortion_file.is_absolute()
+                                 ? distortion_file.lexically_normal().lexically_relative(folder).string()
+                                 : distortion_file.string();
     }
     // A name that is no UTF-8 is repaired rather than refused.
     return writeWhole(path, json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");

@@ -1,11 +1,11 @@
 // C-arm files, fluorocut/carm/1:
 //     {"schema": "fluorocut/carm/1", "name": "GE Polarix 2", "columns": 512, "rows": 512, "pixel_mm": [0.32, 0.32],
 //      "focal_length_mm": 1000.0, "principal_point_px": [255.5, 255.5], "distortion": null}
-// Fields and limits are those of CArm; pixel centres at integers. `distortion` is null, or the path of a distortion file,
-// relative to this file.
+// Fields and limits are those of CArm; pixel centres at integers. `distortion` is null, or the path of a distortion
+// file, relative to this file.
 //
-// Which models of distortion there are is not known here: their folder comes after this one. It hands over their readers, one
-// for each schema; a file whose schema is not among them is refused by name.
+// Which models of distortion there are is not known here: their folder comes after this one. It hands over their
+// readers, one for each schema; a file whose schema is not among them is refused by name.
 #pragma once
 
 #include <filesystem>
@@ -25,8 +25,8 @@ using DistortionReaders =
 
 Result<CArm> readCArm(const std::filesystem::path& path, const DistortionReaders& readers = {});
 
-// `distortion_file` is where the C-arm's distortion was written; it is named relative to `path` when it is absolute. A C-arm
-// with a distortion but no file of it (or the other way round) is a broken contract and throws std::logic_error.
+// `distortion_file` is where the C-arm's distortion was written; it is named relative to `path` when it is absolute. A
+// C-arm with a distortion but no file of it (or the other way round) is a broken contract and throws std::logic_error.
 Result<void> writeCArm(const std::filesystem::path& path, const CArm& carm,
                        const std::filesystem::path& distortion_file = {});
 

@@ -12,9 +12,9 @@
 namespace fluorocut {
 namespace {
 
+using test::ScratchFolder;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using test::ScratchFolder;
 
 // The example of CLI.md.
 constexpr const char* kExample = R"({"schema": "fluorocut/carm/1", "name": "GE Polarix 2", "columns": 512, "rows": 500,

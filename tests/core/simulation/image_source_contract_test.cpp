@@ -150,7 +150,7 @@ INSTANTIATE_TEST_SUITE_P(Sources, ImageSourceContract,
                          testing::Values(Entry{"PngFile", [](const auto& s) { return fileSource(s, "view.png"); }},
                                          Entry{"TiffFile", [](const auto& s) { return fileSource(s, "view.tif"); }},
                                          Entry{"DicomFile", [](const auto& s) { return fileSource(s, "view.dcm"); }},
-                    Entry{"MetaImageFile",
+                                         Entry{"MetaImageFile",
                                                [](const auto& s) { return fileSource(s, "view.mha"); }},
                                          Entry{"VirtualOperatingRoom", room}),
                          [](const auto& entry) { return entry.param.name; });
