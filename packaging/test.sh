@@ -25,7 +25,10 @@ run_tests() {
         give_up build/test.log "tests failed"
     fi
     # ctest's own summary.
-    sed -n '/tests passed,/,$p' build/test.log
+    sed -n '/tests passed,/,/Total Test time/p' build/test.log
+    local skipped
+    skipped=$(grep -c '(Skipped)$' build/test.log) || true
+    if [ "$skipped" != 0 ]; then say "$skipped of them were skipped; the end of build/test.log names them"; fi
 }
 
 install_packages build run test
