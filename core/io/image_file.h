@@ -90,7 +90,7 @@ struct ImageWriteOptions {
     // Values mapped to 0 and to the integer type's largest, clamped beyond. Without it integers are written as they are
     // (rounded), and a value that does not fit is an error.
     std::optional<std::pair<float, float>> window;
-    bool compressed = true;                   // MHA, NRRD; PNG always is
+    bool compressed = false;                  // MHA, NRRD (raw is what every program reads); PNG always is
     std::optional<Vector2> pixel_spacing_mm;  // MHA, NRRD, DICOM (as ImagerPixelSpacing)
 };
 

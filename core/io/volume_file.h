@@ -60,7 +60,7 @@ Result<VolumeFile> readVolume(const std::filesystem::path& path, const VolumeRea
 
 struct VolumeWriteOptions {
     VoxelType type = VoxelType::float32;
-    bool compressed = true;  // .nii is never, .nii.gz always
+    bool compressed = false;  // MHA, NRRD: raw is what every program reads, and quick; .nii is never, .nii.gz always
 };
 
 // By extension: .mha, .nrrd, .nii, .nii.gz. int16 rounds; a voxel that does not fit is an error.
@@ -68,7 +68,7 @@ Result<void> writeVolume(const std::filesystem::path& path, const Volume& volume
                          const VolumeWriteOptions& options = {});
 
 inline Result<void> writeVolume(const std::filesystem::path& path, const Volume& volume, VoxelType type) {
-    return writeVolume(path, volume, VolumeWriteOptions{type, true});
+    return writeVolume(path, volume, VolumeWriteOptions{type});
 }
 
 }  // namespace fluorocut

@@ -293,7 +293,11 @@ INSTANTIATE_TEST_SUITE_P(
         RealImage{"DX_na_expl_2.dcm", "DX", 512, 512, 8, 2311830, 0, true, SpacingPlane::detector, 0.5},
         RealImage{"RF_na_expl_1.dcm", "RF", 1024, 1024, 10, 854044577, 456, false, SpacingPlane::detector, 0.293},
         RealImage{"XA_BRAIN_expl_1.dcm", "XA", 512, 512, 8, 3400170, 0, false, SpacingPlane::calibrated, 0.25},
-        RealImage{"XA_na_rle_1.dcm", "XA", 1024, 1024, 10, 112478027, 119, false, SpacingPlane::none, 0}));
+        RealImage{"XA_na_rle_1.dcm", "XA", 1024, 1024, 10, 112478027, 119, false, SpacingPlane::none, 0}),
+    [](const auto& test) {
+        const std::string name = test.param.file;
+        return name.substr(0, name.find('.'));
+    });
 
 TEST(DicomImageTest, ARealFluoroscopyFileTellsItsGeometry) {
     SKIP_WITHOUT_SHARED_DATA();

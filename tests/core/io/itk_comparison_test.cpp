@@ -1,5 +1,7 @@
 // Our readers and writers of MetaImage, NRRD and NIfTI against ITK's: an oblique, anisotropic, also left-handed volume
 // written by one and read by the other lies at the same points of LPS space with the same voxels.
+#include <algorithm>
+
 #include <gtest/gtest.h>
 #include <itkImage.h>
 #include <itkImageFileReader.h>
@@ -109,7 +111,12 @@ TEST_P(ItkComparison, WeReadWhatItkWrites) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, ItkComparison, testing::Values(".mha", ".nrrd", ".nii", ".nii.gz"));
+INSTANTIATE_TEST_SUITE_P(Formats, ItkComparison, testing::Values(".mha", ".nrrd", ".nii", ".nii.gz"),
+                         [](const auto& test) {
+                             std::string name = std::string(test.param).substr(1);
+                             std::replace(name.begin(), name.end(), '.', '_');
+                             return name;
+                         });
 
 TEST(ItkComparisonTest, ARealCtIsTheSameVolumeForBoth) {
     SKIP_WITHOUT_SHARED_DATA();

@@ -1,4 +1,5 @@
 // Volumes and images through MetaImage, NRRD, NIfTI, PNG and TIFF, there and back.
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <random>
@@ -49,7 +50,12 @@ TEST_P(VolumeRoundTrip, KeepsVoxelsAndPlace) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, VolumeRoundTrip, testing::Values(".mha", ".nrrd", ".nii", ".nii.gz"));
+INSTANTIATE_TEST_SUITE_P(Formats, VolumeRoundTrip, testing::Values(".mha", ".nrrd", ".nii", ".nii.gz"),
+                         [](const auto& test) {
+                             std::string name = std::string(test.param).substr(1);
+                             std::replace(name.begin(), name.end(), '.', '_');
+                             return name;
+                         });
 
 TEST(VolumeFileTest, RefusesVoxelsThatDoNotFitTheType) {
     const test::ScratchFolder scratch;
