@@ -13,9 +13,9 @@ namespace fluorocut {
 // Linear interpolation of one row of int16 voxels at `count` positions first + p * step, the same for every row of a
 // slice. Arrays are in the layout that the kernel which filled them wants; sizes are for `capacity` positions.
 struct RowTable {
-    std::int32_t* start;   // [capacity] first voxel of a group's window
-    std::int16_t* index;   // [2 capacity] where a position's two voxels are in the window
-    std::int16_t* weight;  // [2 capacity] their weights, 2^14 = 1; zero for positions outside [begin, end)
+    std::int32_t* start;   // [capacity] first voxel of a window that some positions share
+    std::int32_t* index;   // [capacity] where a position's two voxels are in the window, packed for a shuffle
+    std::int32_t* weight;  // [capacity] their weights, 2^14 = 1, two int16; zero for positions outside [begin, end)
     int group_begin;       // positions [16 group_begin, 16 group_end) are written
     int group_end;
     bool wide;  // AVX-512: windows of 32 voxels instead of 16
@@ -59,6 +59,9 @@ struct SlabKernels {
     // ... and sum_w[i] += ratio (w0 h0[i] + w1 h1[i])
     void (*accumulateTwo)(float* sum, float* sum_w, const float* h0, const float* h1, float w0, float w1, float ratio,
                           int count);
+    // to[i] = row[i] - along (row[i-1] - 2 row[i] + row[i+1]) - across (above[i] - 2 row[i] + below[i])
+    void (*sharpen)(const float* row, const float* above, const float* below, float along, float across, float* to,
+                    int count);
     // out[i] += weight * length * base(position), Catmull-Rom
     void (*warp)(const WarpRow& row, float weight, float* out);
     void (*warpGradient)(const WarpRow& row, const GradientParameter* parameters, float weight, float* out,

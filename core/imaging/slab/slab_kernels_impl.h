@@ -15,15 +15,6 @@ namespace fluorocut::FLUOROCUT_ISA {
 constexpr int kLanes = 16;
 constexpr int kWeightOne = 1 << 14;
 
-// Outputs that share one window of voxels.
-#if defined(__AVX512BW__)
-constexpr int kGroup = 16;
-#elif defined(__AVX2__)
-constexpr int kGroup = 4;
-#else
-constexpr int kGroup = 1;
-#endif
-
 inline int floorToInt(double value) {
     const int truncated = static_cast<int>(value);
     return truncated - (static_cast<double>(truncated) > value ? 1 : 0);
@@ -34,32 +25,39 @@ void fillTable(RowTable& table, double first, double step, int begin, int end) {
     table.group_end = (end + kLanes - 1) / kLanes;
     table.wide = (kLanes - 1) * step + 2 >= 15.5;
     const float step_f = static_cast<float>(step);
-    for (int p = table.group_begin * kLanes; p < table.group_end * kLanes; p += kGroup) {
-        // The window starts at the first position that counts; positions before `begin` are masked by their weights.
-        const int anchor = p < begin ? begin : (p < end ? p : end - 1);
-        const double at = first + anchor * step;
+    for (int p = table.group_begin * kLanes; p < table.group_end * kLanes; p += kLanes) {
+        // Voxels are counted from the first position that is wanted; those beyond the ends stay on the end's voxel,
+        // with weight zero.
+        const int from = p < begin ? begin : p, to = p + kLanes > end ? end - 1 : p + kLanes - 1;
+        const double at = first + from * step;
         const int start = floorToInt(at);
-        table.start[p / kGroup] = start;
-        const float offset = static_cast<float>(at - start) - static_cast<float>(anchor - p) * step_f;
-        for (int lane = 0; lane < kGroup; ++lane) {
-            const bool counts = p + lane >= begin && p + lane < end;
-            const float position = counts ? offset + static_cast<float>(lane) * step_f : 0.0f;
-            int voxel = static_cast<int>(position);
-            const int weight = static_cast<int>((position - static_cast<float>(voxel)) * kWeightOne + 0.5f);
-            voxel = counts ? voxel : 0;
-            std::int16_t* index = table.index + 2 * (p + lane);
-#if defined(__AVX512BW__)
-            index[0] = static_cast<std::int16_t>(voxel);
-            index[1] = static_cast<std::int16_t>(voxel + 1);
-#elif defined(__AVX2__)
-            index[0] = static_cast<std::int16_t>((2 * voxel) | ((2 * voxel + 1) << 8));
-            index[1] = static_cast<std::int16_t>((2 * voxel + 2) | ((2 * voxel + 3) << 8));
-#else
-            index[0] = static_cast<std::int16_t>(voxel);
-#endif
-            table.weight[2 * (p + lane)] = static_cast<std::int16_t>(counts ? kWeightOne - weight : 0);
-            table.weight[2 * (p + lane) + 1] = static_cast<std::int16_t>(counts ? weight : 0);
+        const float offset = static_cast<float>(at - start - (from - p) * step);
+        const std::int32_t last = static_cast<std::int32_t>(offset + static_cast<float>(to - p) * step_f);
+        alignas(64) std::int32_t voxel[kLanes];
+        for (int lane = 0; lane < kLanes; ++lane) {
+            const float position = offset + static_cast<float>(lane) * step_f;
+            std::int32_t v = static_cast<std::int32_t>(position > 0 ? position : 0.0f);
+            v = v < last ? v : last;
+            voxel[lane] = v;
+            const std::int32_t weight =
+                static_cast<std::int32_t>((position - static_cast<float>(v)) * kWeightOne + 0.5f);
+            const bool wanted = p + lane >= from && p + lane <= to;
+            table.weight[p + lane] = wanted ? (kWeightOne - weight) | (weight << 16) : 0;
         }
+#if defined(__AVX512BW__)
+        table.start[p / kLanes] = start;
+        for (int lane = 0; lane < kLanes; ++lane)
+            table.index[p + lane] = voxel[lane] * 0x10001 + 0x10000;
+#elif defined(__AVX2__)
+        for (int lane = 0; lane < kLanes; ++lane) {
+            const std::int32_t window = voxel[lane / 4 * 4];
+            table.index[p + lane] = (voxel[lane] - window) * 0x02020202 + 0x03020100;  // bytes of two neighbours
+            if (lane % 4 == 0) table.start[(p + lane) / 4] = start + window;
+        }
+#else
+        for (int lane = 0; lane < kLanes; ++lane)
+            table.start[p + lane] = start + voxel[lane];
+#endif
     }
 }
 
@@ -68,8 +66,8 @@ void interpolateRow(const std::int16_t* row, const RowTable& table, float* out, 
     for (int group = table.group_begin; group < table.group_end; ++group) {
         const std::int16_t* window = row + table.start[group];
         _mm_prefetch(reinterpret_cast<const char*>(window + prefetch), _MM_HINT_T0);
-        const __m512i index = _mm512_load_si512(table.index + 32 * group);
-        const __m512i weight = _mm512_load_si512(table.weight + 32 * group);
+        const __m512i index = _mm512_load_si512(table.index + 16 * group);
+        const __m512i weight = _mm512_load_si512(table.weight + 16 * group);
         const __m512i voxels =
             table.wide ? _mm512_loadu_si512(window)
                        : _mm512_castsi256_si512(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(window)));
@@ -81,8 +79,8 @@ void interpolateRow(const std::int16_t* row, const RowTable& table, float* out, 
         const std::int16_t* low = row + table.start[p / 4];
         const std::int16_t* high = row + table.start[p / 4 + 1];
         _mm_prefetch(reinterpret_cast<const char*>(low + prefetch), _MM_HINT_T0);
-        const __m256i index = _mm256_load_si256(reinterpret_cast<const __m256i*>(table.index + 2 * p));
-        const __m256i weight = _mm256_load_si256(reinterpret_cast<const __m256i*>(table.weight + 2 * p));
+        const __m256i index = _mm256_load_si256(reinterpret_cast<const __m256i*>(table.index + p));
+        const __m256i weight = _mm256_load_si256(reinterpret_cast<const __m256i*>(table.weight + p));
         const __m256i voxels =
             _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(low))),
                                     _mm_loadu_si128(reinterpret_cast<const __m128i*>(high)), 1);
@@ -91,8 +89,9 @@ void interpolateRow(const std::int16_t* row, const RowTable& table, float* out, 
     }
 #else
     for (int p = table.group_begin * kLanes; p < table.group_end * kLanes; ++p) {
-        const std::int16_t* window = row + table.start[p] + table.index[2 * p];
-        out[p] = static_cast<float>(window[0] * table.weight[2 * p] + window[1] * table.weight[2 * p + 1]);
+        const std::int16_t* window = row + table.start[p];
+        const std::int32_t weight = table.weight[p];
+        out[p] = static_cast<float>(window[0] * (weight & 0xffff) + window[1] * (weight >> 16));
         if (p % kLanes == 0) _mm_prefetch(reinterpret_cast<const char*>(window + prefetch), _MM_HINT_T0);
     }
 #endif
@@ -114,6 +113,14 @@ void accumulateTwo(float* __restrict sum, float* __restrict sum_w, const float* 
             sum[i + lane] += value;
             sum_w[i + lane] += ratio * value;
         }
+    }
+}
+
+void sharpen(const float* __restrict row, const float* __restrict above, const float* __restrict below, float along,
+             float across, float* __restrict to, int count) {
+    const float middle = 1 + 2 * along + 2 * across;
+    for (int i = 0; i < count; ++i) {
+        to[i] = middle * row[i] - along * (row[i - 1] + row[i + 1]) - across * (above[i] + below[i]);
     }
 }
 
@@ -280,6 +287,6 @@ void warpGradient(const WarpRow& row, const GradientParameter* parameters, float
 
 extern const SlabKernels kKernels;
 const SlabKernels kKernels = {FLUOROCUT_ISA_NAME, fillTable, interpolateRow, accumulate,
-                              accumulateTwo,      warp,      warpGradient};
+                              accumulateTwo,      sharpen,   warp,           warpGradient};
 
 }  // namespace fluorocut::FLUOROCUT_ISA

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kFinestStep = 0.5;     // of the base image, in voxels
 constexpr double kCoarsestScale = 1.4;  // the farthest slice is sampled at most this much coarser than the base plane
-constexpr int kTileRows = 24;
+constexpr int kTileRows = 32;
 // Linear interpolation between voxels blurs each slice by a kernel of variance 1/6 voxel^2, which -1/12 of the second
 // difference would undo for smooth content. Where voxels hold a shape's edge (whole voxels or partial volumes), less is
 // best: 1/32 is no worse than an exact ray tracer through voxel boxes on spheres and cylinder shells of both kinds, and
@@ -140,8 +140,7 @@ void fillBase(const BasePlane& base, const SlabKernels& kernels, float* image, f
     const auto capacity = static_cast<std::size_t>(base.stride + 64);
     const std::ptrdiff_t prefetch = 2 * o.slice_stride;
     parallelFor(tiles, 1, [&](std::size_t tile_begin, std::size_t tile_end) {
-        const AlignedArray<std::int32_t> start(capacity);
-        const AlignedArray<std::int16_t> index(2 * capacity), weight(2 * capacity);
+        const AlignedArray<std::int32_t> start(capacity), index(capacity), weight(capacity);
         const AlignedArray<float> rows(2 * capacity);
         RowTable table{start.get(), index.get(), weight.get(), 0, 0, false};
         for (std::size_t tile = tile_begin; tile < tile_end; ++tile) {
@@ -211,25 +210,21 @@ void fillBase(const BasePlane& base, const SlabKernels& kernels, float* image, f
     });
 }
 
-// from - kSharpening (second differences per voxel^2 along both axes); the margin stays zero.
-void sharpen(const BasePlane& base, const float* from, float* to) {
-    const auto along_a = static_cast<float>(kSharpening / (base.step_a * base.step_a));
-    const auto along_b = static_cast<float>(kSharpening / (base.step_b * base.step_b));
-    const float middle = 1 + 2 * along_a + 2 * along_b;
-    parallelFor(static_cast<std::size_t>(base.height), 32, [&](std::size_t begin, std::size_t end) {
+// Both images have a margin, which stays zero.
+void sharpenBase(const BasePlane& base, const SlabKernels& kernels, const float* from, float* to) {
+    const auto along = static_cast<float>(kSharpening / (base.step_a * base.step_a));
+    const auto across = static_cast<float>(kSharpening / (base.step_b * base.step_b));
+    parallelFor(static_cast<std::size_t>(base.height), kTileRows, [&](std::size_t begin, std::size_t end) {
         for (auto q = static_cast<std::ptrdiff_t>(begin); q < static_cast<std::ptrdiff_t>(end); ++q) {
-            const float* f = from + base.stride * q;
-            float* __restrict t = to + base.stride * q;
+            const float* row = from + base.stride * q;
+            float* out = to + base.stride * q;
             if (q == 0 || q + 1 == base.height) {
-                std::fill(t, t + base.stride, 0.0f);
+                std::fill(out, out + base.stride, 0.0f);
                 continue;
             }
-            const float *above = f - base.stride, *below = f + base.stride;
-            t[0] = 0;
-            for (std::ptrdiff_t p = 1; p + 1 < base.stride; ++p) {
-                t[p] = middle * f[p] - along_a * (f[p - 1] + f[p + 1]) - along_b * (above[p] + below[p]);
-            }
-            t[base.stride - 1] = 0;
+            out[0] = out[base.stride - 1] = 0;
+            kernels.sharpen(row + 1, row + 1 - base.stride, row + 1 + base.stride, along, across, out + 1,
+                            static_cast<int>(base.stride) - 2);
         }
     });
 }
@@ -384,7 +379,7 @@ Image projectSlab(const SlabVolume& volume, const ProjectionGeometry& g, int mai
     const std::size_t size = static_cast<std::size_t>(base.stride) * static_cast<std::size_t>(base.height);
     const AlignedArray<float> gathered(size), image(size);
     fillBase(base, kernels, gathered.get(), nullptr);
-    sharpen(base, gathered.get(), image.get());
+    sharpenBase(base, kernels, gathered.get(), image.get());
     const double scale = scale_per_hu * volume.huPerUnit() / (1 << 14);
     warpAll(base, g, scale, binning, image.get(), nullptr,
             [&](const WarpRow& w, int y, double, float weight) { kernels.warp(w, weight, result.row(y)); });
@@ -402,8 +397,8 @@ Image projectSlabWithGradient(const SlabVolume& volume, const ProjectionGeometry
     const std::size_t size = static_cast<std::size_t>(base.stride) * static_cast<std::size_t>(base.height);
     const AlignedArray<float> gathered(size), gathered_w(size), image(size), image_w(size);
     fillBase(base, kernels, gathered.get(), gathered_w.get());
-    sharpen(base, gathered.get(), image.get());
-    sharpen(base, gathered_w.get(), image_w.get());
+    sharpenBase(base, kernels, gathered.get(), image.get());
+    sharpenBase(base, kernels, gathered_w.get(), image_w.get());
     const double scale = scale_per_hu * volume.huPerUnit() / (1 << 14);
     warpAll(base, g, scale, binning, image.get(), image_w.get(),
             [&](const WarpRow& w, int y, double at_y, float weight) {
