@@ -204,6 +204,11 @@ inline void combineTaps(const __m128* taps, const float (*w)[kLanes], float* out
         out[l] = t[0][l] * w[0][l] + t[1][l] * w[1][l] + t[2][l] * w[2][l] + t[3][l] * w[3][l];
 }
 
+// Cubic interpolation and sharpening swing below zero beside an edge; a line integral of mu does not.
+inline float nonNegative(float value) {
+    return value > 0 ? value : 0;
+}
+
 // Copies up to 16 coordinates, padding with the last.
 inline void loadLanes(const float* from, int count, float* to) {
     for (int l = 0; l < kLanes; ++l)
@@ -224,7 +229,7 @@ void warp(const WarpRow& row, float weight, float* out) {
         }
         combineTaps(taps, s.wp, value);
         for (int l = 0; l < kLanes; ++l)
-            value[l] *= weight * s.length[l];
+            value[l] = weight * s.length[l] * nonNegative(value[l]);
         if (count == kLanes) {
             for (int l = 0; l < kLanes; ++l)
                 out[begin + l] += value[l];
@@ -265,7 +270,7 @@ void warpGradient(const WarpRow& row, const GradientParameter* parameters, float
         combineTaps(taps, slope_p, w_p);
         combineTaps(slopes, s.wp, w_q);
         for (int l = 0; l < count; ++l)
-            out[begin + l] += weight * s.length[l] * b[l];
+            out[begin + l] += weight * s.length[l] * nonNegative(b[l]);
         for (int k = 0; k < 6; ++k) {
             const GradientParameter& d = parameters[k];
             for (int l = 0; l < kLanes; ++l) {

@@ -1,5 +1,6 @@
 #include "core/imaging/volume_projector.h"
 
+#include <algorithm>
 #include <limits>
 
 #include <gtest/gtest.h>
@@ -407,6 +408,20 @@ TEST(VolumeProjector, VolumesOneVoxelThickAreVolumes) {
     auto slice = std::make_shared<Volume>(centeredGrid({50, 50, 1}, {1, 1, 2}), 0.0f);
     EXPECT_NEAR(prepared(slice).project(carm, orbit(0, 90), kExact)(1, 1), 0.04, 1e-6);
     EXPECT_NEAR(prepared(slice).project(carm, orbit(0, 90))(1, 1), 0.04, 1e-5);
+}
+
+TEST(VolumeProjector, LineIntegralsAreNeverNegative) {
+    const VolumeProjector projector = prepared(makeVolume(centeredGrid({60, 60, 60}, {1, 1, 1}), [](const Vector3& p) {
+        return p.cwiseAbs().maxCoeff() < 20 ? 2000.0 : -1000.0;  // a cube in air: the sharpest edges there are
+    }));
+    const CArm carm = smallCArm(200, 120);
+    for (const Vector2& angles : {Vector2(0, 0), Vector2(30, 20)}) {
+        const Rigid3 pose = orbit(angles.x(), angles.y());
+        const Image image = projector.project(carm, pose);
+        EXPECT_EQ(*std::min_element(image.pixels().begin(), image.pixels().end()), 0.0f);
+        const Image with_gradient = projector.projectWithGradient(carm, pose).image;
+        EXPECT_EQ(*std::min_element(with_gradient.pixels().begin(), with_gradient.pixels().end()), 0.0f);
+    }
 }
 
 TEST(VolumeProjector, NoisyAirIsSkippedOnRequest) {
