@@ -17,7 +17,6 @@ Vector2 planeFromPixel(const CArm& carm, const Vector2& pixel) {
     return (pixel - carm.principal_point_px).cwiseProduct(carm.pixel_mm);
 }
 
-// A distortion lives in the millimetres of the whole detector, so it survives a crop or a binning as it is.
 constexpr int kMaxPixels = 16384;
 
 }  // namespace

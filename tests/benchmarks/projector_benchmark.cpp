@@ -16,7 +16,6 @@
 
 #include "core/base/parallel.h"
 #include "core/imaging/volume_projector.h"
-#include "core/io/volume_file.h"
 #include "tests/benchmarks/itk_ray_cast.h"
 #include "tests/core/imaging/blob_volumes.h"
 #include "tests/support/fixtures.h"
@@ -140,7 +139,7 @@ int main(int argc, char** argv) {
                     1});
     const test::ScratchFolder scratch;
     if (test::plastimatchIsInstalled()) {
-        if (!writeVolume(scratch / "density.mha", density, VolumeWriteOptions{VoxelType::float32, false})) return 1;
+        test::writeForPlastimatch(*volume, scratch / "density.mha");
         rows.push_back({"plastimatch drr, exact",
                         [&](const CArm& c, const Rigid3& pose) {
                             test::PlastimatchProjection peer =

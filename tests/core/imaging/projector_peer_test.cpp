@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "core/imaging/volume_projector.h"
-#include "core/io/volume_file.h"
 #include "tests/core/imaging/blob_volumes.h"
 #include "tests/support/fixtures.h"
 #include "tests/support/peers/plastimatch.h"
@@ -81,10 +80,7 @@ TEST(ProjectorPeerSlow, ShapesAreNoWorseThanByAnExactRayTracer) {
     for (const Shape& shape : shapes()) {
         for (const int samples_per_axis : {1, 4}) {
             const auto volume = voxelise(shape, grid, samples_per_axis);
-            Volume density = *volume;
-            for (float& value : density.voxels())
-                value += 1000;
-            ASSERT_OK(writeVolume(scratch / "density.mha", density, VolumeWriteOptions{VoxelType::float32, false}));
+            test::writeForPlastimatch(*volume, scratch / "density.mha");
             const Result<VolumeProjector> projector = VolumeProjector::prepare(volume);
             ASSERT_OK(projector);
             double own2 = 0, peer2 = 0;
@@ -124,10 +120,7 @@ TEST(ProjectorPeer, SmoothVolumesLookTheSame) {
     const std::vector<test::Blob> blobs{{grid.center() + Vector3(10, -8, 6), 9, 3000},
                                         {grid.center() - Vector3(5, 9, 8), 8, 2000}};
     const auto volume = test::makeBlobs(grid, blobs);
-    Volume density = *volume;
-    for (float& value : density.voxels())
-        value += 1000;
-    ASSERT_OK(writeVolume(scratch / "density.mha", density, VolumeWriteOptions{VoxelType::float32, false}));
+    test::writeForPlastimatch(*volume, scratch / "density.mha");
     const Result<VolumeProjector> projector = VolumeProjector::prepare(volume);
     ASSERT_OK(projector);
     CArm carm;

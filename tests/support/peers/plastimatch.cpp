@@ -10,10 +10,20 @@
 
 #include <fmt/format.h>
 
+#include "core/io/volume_file.h"
+
 namespace fluorocut::test {
 
 bool plastimatchIsInstalled() {
     return std::system("command -v plastimatch >/dev/null 2>&1") == 0;
+}
+
+void writeForPlastimatch(const Volume& hounsfield, const std::filesystem::path& path) {
+    Volume density = hounsfield;
+    for (float& value : density.voxels())
+        value += 1000;
+    const Result<void> written = writeVolume(path, density, VoxelType::float32);
+    if (!written) throw std::runtime_error(written.error().message());
 }
 
 PlastimatchProjection runPlastimatch(const std::filesystem::path& volume, const CArm& carm,

@@ -6,11 +6,15 @@
 
 #include "core/geometry/rigid3.h"
 #include "core/image/image.h"
+#include "core/image/volume.h"
 #include "core/imaging/carm.h"
 
 namespace fluorocut::test {
 
 bool plastimatchIsInstalled();
+
+// Writes a CT as what it shall integrate: HU + 1000, float32, raw MHA. Throws std::runtime_error on failure.
+void writeForPlastimatch(const Volume& hounsfield, const std::filesystem::path& path);
 
 struct PlastimatchProjection {
     Image line_integrals;   // of the volume file's values, mm
