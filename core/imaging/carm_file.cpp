@@ -12,12 +12,12 @@ namespace {
 
 constexpr std::string_view kSchema = "fluorocut/carm/1";
 
-Result<std::shared_ptr<const Distortion>> readDistortion(const std::filesystem::path& path,
+Result<std::shared_ptr<const Distortion>> readDistortion(const std::filesystem::path& path, const CArm& carm,
                                                          const DistortionReaders& readers) {
     const Result<std::string> schema = jsonSchema(path);
     if (!schema) return schema.error();
     const auto reader = readers.find(*schema);
-    if (reader != readers.end()) return reader->second(path);
+    if (reader != readers.end()) return reader->second(path, carm);
     std::string known;
     for (const auto& [name, read] : readers)
         known += (known.empty() ? "" : ", ") + name;
@@ -49,7 +49,7 @@ Result<CArm> readCArm(const std::filesystem::path& path, const DistortionReaders
         return invalidInput(path.string() + ", field " + error.where, error.found, error.expected, error.advice);
     }
     if (distorted) {
-        auto model = readDistortion(path.parent_path() / distortion, readers);
+        auto model = readDistortion(path.parent_path() / distortion, carm, readers);
         if (!model) return model.error();
         carm.distortion = std::move(*model);
     }

@@ -5,7 +5,8 @@
 // file, relative to this file.
 //
 // Which models of distortion there are is not known here: their folder comes after this one. It hands over their
-// readers, one for each schema; a file whose schema is not among them is refused by name.
+// readers, one for each schema; a file whose schema is not among them is refused by name. A reader is given the C-arm
+// as far as it is known, without distortion: its pixels are what a map from pixels to mm has to be turned by.
 #pragma once
 
 #include <filesystem>
@@ -20,8 +21,9 @@
 namespace fluorocut {
 
 // From the schema of a distortion file to what reads it.
-using DistortionReaders =
-    std::map<std::string, std::function<Result<std::shared_ptr<const Distortion>>(const std::filesystem::path&)>>;
+using DistortionReader = std::function<Result<std::shared_ptr<const Distortion>>(const std::filesystem::path&,
+                                                                                 const CArm& without_distortion)>;
+using DistortionReaders = std::map<std::string, DistortionReader>;
 
 Result<CArm> readCArm(const std::filesystem::path& path, const DistortionReaders& readers = {});
 

@@ -97,9 +97,9 @@ std::string ownViolation(std::string_view file, std::string_view include) {
 }  // namespace
 
 const std::vector<std::string>& coreFolders() {
-    static const std::vector<std::string> folders{"base",       "geometry", "image",        "io",        "imaging",
-                                                  "distortion", "fiducial", "registration", "planning",  "cutting",
-                                                  "robot",      "cavity",   "simulation",   "procedure", "casestore"};
+    static const std::vector<std::string> folders{
+        "base",     "geometry", "image", "io",     "imaging",     "distortion", "fiducial",  "registration",
+        "planning", "cutting",  "robot", "cavity", "fabrication", "simulation", "procedure", "casestore"};
     return folders;
 }
 

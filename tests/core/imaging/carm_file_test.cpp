@@ -32,8 +32,9 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 }
 
 // A model for the tests: {"schema": "test/pincushion/1"}.
-const DistortionReaders kReaders = {{"test/pincushion/1", [](const std::filesystem::path& path) {
+const DistortionReaders kReaders = {{"test/pincushion/1", [](const std::filesystem::path& path, const CArm& carm) {
                                          EXPECT_TRUE(std::filesystem::exists(path));
+                                         EXPECT_EQ(carm.rows, 500);
                                          return Result<std::shared_ptr<const Distortion>>(
                                              std::make_shared<test::Pincushion>(1e-5));
                                      }}};
