@@ -9,6 +9,7 @@
 namespace fluorocut {
 namespace {
 
+using test::ScratchFolder;
 using testing::HasSubstr;
 
 const std::string kExample = R"({"schema": "fluorocut/plate/1", "pitch_mm": 6.35, "groove_width_mm": 1.5875,

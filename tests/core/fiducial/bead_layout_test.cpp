@@ -9,6 +9,7 @@
 namespace fluorocut {
 namespace {
 
+using test::ScratchFolder;
 using testing::HasSubstr;
 
 TEST(BeadLayout, GoesThereAndBack) {
