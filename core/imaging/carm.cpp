@@ -4,7 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include <fmt/format.h>
+#include "core/base/option_checks.h"
 
 namespace fluorocut {
 namespace {
@@ -22,26 +22,13 @@ constexpr int kMaxPixels = 16384;
 }  // namespace
 
 Result<void> CArm::validate() const {
-    if (!(columns >= 1 && columns <= kMaxPixels)) {
-        return invalidOption("columns", fmt::format("{}", columns), fmt::format("1 to {} pixels", kMaxPixels));
-    }
-    if (!(rows >= 1 && rows <= kMaxPixels)) {
-        return invalidOption("rows", fmt::format("{}", rows), fmt::format("1 to {} pixels", kMaxPixels));
-    }
-    for (int axis = 0; axis < 2; ++axis) {
-        if (!(pixel_mm[axis] >= 1e-3 && pixel_mm[axis] <= 100)) {
-            return invalidOption(fmt::format("pixel_mm[{}]", axis), fmt::format("{}", pixel_mm[axis]),
-                                 "0.001 to 100 mm");
-        }
-        if (!(std::abs(principal_point_px[axis]) <= 1e6)) {
-            return invalidOption(fmt::format("principal_point_px[{}]", axis),
-                                 fmt::format("{}", principal_point_px[axis]), "-1e6 to 1e6 pixels");
-        }
-    }
-    if (!(focal_length_mm >= 10 && focal_length_mm <= 10000)) {
-        return invalidOption("focal_length_mm", fmt::format("{}", focal_length_mm), "10 to 10000 mm");
-    }
-    return {};
+    return requireRanges({{"columns", static_cast<double>(columns), 1, kMaxPixels, "pixels"},
+                          {"rows", static_cast<double>(rows), 1, kMaxPixels, "pixels"},
+                          {"pixel_mm[0]", pixel_mm.x(), 1e-3, 100, "mm"},
+                          {"pixel_mm[1]", pixel_mm.y(), 1e-3, 100, "mm"},
+                          {"principal_point_px[0]", principal_point_px.x(), -1e6, 1e6, "pixels"},
+                          {"principal_point_px[1]", principal_point_px.y(), -1e6, 1e6, "pixels"},
+                          {"focal_length_mm", focal_length_mm, 10, 10000, "mm"}});
 }
 
 Vector2 CArm::projectIdeal(const Vector3& point_in_imager) const {

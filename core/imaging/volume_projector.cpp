@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/imaging/exact_projection.h"
 #include "core/imaging/projection_geometry.h"
@@ -64,14 +65,8 @@ std::array<GeometryChange, 6> geometryChanges(const CArm& carm, const Rigid3& im
 }  // namespace
 
 Result<void> AttenuationOptions::validate() const {
-    if (!(mu_water_per_mm > 0 && mu_water_per_mm <= 10)) {
-        return invalidOption("mu_water_per_mm", fmt::format("{}", mu_water_per_mm),
-                             "more than 0 and at most 10 per mm");
-    }
-    if (!(air_below_hu >= -1000 && air_below_hu <= 10000)) {
-        return invalidOption("air_below_hu", fmt::format("{}", air_below_hu), "-1000 to 10000 HU");
-    }
-    return {};
+    return requireRanges(
+        {{"mu_water_per_mm", mu_water_per_mm, 1e-9, 10, "per mm"}, {"air_below_hu", air_below_hu, -1000, 10000, "HU"}});
 }
 
 struct VolumeProjector::Prepared {

@@ -78,6 +78,14 @@ void addIdentity(Report& report, bool has_identifying_fields) {
     if (has_identifying_fields) report.line("identity", "fields that identify a person are present (not shown)");
 }
 
+// What DICOM says of the device, in images and in volumes.
+template <class Info>
+void addDevice(Report& report, const Info& info) {
+    addText(report, "modality", "modality", info.modality);
+    addText(report, "manufacturer", "manufacturer", info.manufacturer);
+    addText(report, "transfer_syntax", "transfer syntax", info.transfer_syntax);
+}
+
 Report reportOf(const ImageInfo& info) {
     Report report;
     report.json = {{"kind", "image"},
@@ -107,9 +115,7 @@ Report reportOf(const ImageInfo& info) {
         report.line("at detector", listText(*info.imager_pixel_spacing_mm, "{:.5g}", " x ") + " mm");
     }
     if (info.intensity != IntensityScale::unstated) report.line("intensity", std::string(name(info.intensity)));
-    addText(report, "modality", "modality", info.modality);
-    addText(report, "manufacturer", "manufacturer", info.manufacturer);
-    addText(report, "transfer_syntax", "transfer syntax", info.transfer_syntax);
+    addDevice(report, info);
     addText(report, "photometric", "photometric", info.photometric);
     addNumber(report, "source_detector_mm", "source-detector", info.source_detector_mm, "mm");
     addNumber(report, "source_patient_mm", "source-patient", info.source_patient_mm, "mm");
@@ -146,9 +152,7 @@ Report reportOf(const VolumeInfo& info) {
     }
     report.line("voxels", depthText(info.bits, info.is_signed, info.is_float));
     report.line("values", fmt::format("{:.5g} to {:.5g}", info.least, info.most));
-    addText(report, "modality", "modality", info.modality);
-    addText(report, "manufacturer", "manufacturer", info.manufacturer);
-    addText(report, "transfer_syntax", "transfer syntax", info.transfer_syntax);
+    addDevice(report, info);
     addText(report, "series_uid", "series", info.series_uid);
     addNumber(report, "slice_thickness_mm", "slice thickness", info.slice_thickness_mm, "mm");
     addIdentity(report, info.has_identifying_fields);
