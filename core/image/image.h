@@ -3,6 +3,7 @@
 // to the C-arm (core/imaging).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <stdexcept>
@@ -53,5 +54,6 @@ class BasicImage {
 
 using Image = BasicImage<float>;
 using Mask = BasicImage<std::uint8_t>;
+using ColorImage = BasicImage<std::array<std::uint8_t, 3>>;  // red, green, blue: for eyes only
 
 }  // namespace fluorocut

@@ -164,4 +164,11 @@ Result<void> writeImage(const fs::path& path, const Image& image, const ImageWri
     return invalidOption(path.string(), "the extension " + shown(extension), ".png, .tif, .mha, .nrrd or .dcm");
 }
 
+Result<void> writeFigure(const fs::path& path, const ColorImage& figure) {
+    if (figure.empty()) throw std::logic_error("writeFigure: an empty image");
+    const std::string extension = lower(path.extension().string());
+    if (extension != ".png") return invalidOption(path.string(), "the extension " + shown(extension), ".png");
+    return writePng(path, figure);
+}
+
 }  // namespace fluorocut

@@ -97,4 +97,7 @@ struct ImageWriteOptions {
 // By extension: .png, .tif, .tiff, .mha, .nrrd, .dcm (Secondary Capture, without anything that identifies a person).
 Result<void> writeImage(const std::filesystem::path& path, const Image& image, const ImageWriteOptions& options = {});
 
+// A figure: .png, 8 bits each of red, green, blue.
+Result<void> writeFigure(const std::filesystem::path& path, const ColorImage& figure);
+
 }  // namespace fluorocut

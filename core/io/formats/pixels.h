@@ -14,6 +14,7 @@ namespace fluorocut {
 // into the integer type's range before.
 Result<ImageFile> readPng(const std::filesystem::path& path, const ImageReadOptions& options);
 Result<void> writePng(const std::filesystem::path& path, const Image& image, PixelType type);
+Result<void> writePng(const std::filesystem::path& path, const ColorImage& figure);
 Result<ImageFile> readTiff(const std::filesystem::path& path, const ImageReadOptions& options);
 Result<VolumeFile> readTiffStack(const std::filesystem::path& path, const VolumeReadOptions& options,
                                  Progress& progress);

@@ -84,7 +84,7 @@ bool writeRows(Png& state, png_bytepp rows) {
     state.info = png_create_info_struct(state.png);
     if (!state.info) return false;
     png_init_io(state.png, state.file);
-    png_set_IHDR(state.png, state.info, state.width, state.height, state.bits, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+    png_set_IHDR(state.png, state.info, state.width, state.height, state.bits, state.colour_type, PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_write_info(state.png, state.info);
     png_set_swap(state.png);
@@ -144,23 +144,38 @@ Result<ImageFile> readPng(const fs::path& path, const ImageReadOptions& options)
     return result;
 }
 
-Result<void> writePng(const fs::path& path, const Image& image, PixelType type) {
-    const bool wide = type == PixelType::uint16;
-    Result<std::string> bytes = encodeElements(path, image.pixels(), wide ? ElementType::uint16 : ElementType::uint8);
-    if (!bytes) return bytes.error();
+namespace {
+
+Result<void> writeBytes(const fs::path& path, std::string bytes, int width, int height, int bits, int colour_type) {
     return writeWhole(path, [&](const fs::path& temporary) -> Result<void> {
         Png state;
-        state.width = static_cast<png_uint_32>(image.width());
-        state.height = static_cast<png_uint_32>(image.height());
-        state.bits = wide ? 16 : 8;
+        state.width = static_cast<png_uint_32>(width);
+        state.height = static_cast<png_uint_32>(height);
+        state.bits = bits;
+        state.colour_type = colour_type;
         state.file = std::fopen(temporary.c_str(), "wb");
-        std::vector<png_bytep> rows = rowPointers(*bytes, state.height);
+        std::vector<png_bytep> rows = rowPointers(bytes, state.height);
         if (!state.file || !writeRows(state, rows.data()) || std::fflush(state.file) != 0) {
             return outputFailed(path.string(), fmt::format("not all of it could be written {}", state.problem),
                                 "free some space");
         }
         return {};
     });
+}
+
+}  // namespace
+
+Result<void> writePng(const fs::path& path, const Image& image, PixelType type) {
+    const bool wide = type == PixelType::uint16;
+    Result<std::string> bytes = encodeElements(path, image.pixels(), wide ? ElementType::uint16 : ElementType::uint8);
+    if (!bytes) return bytes.error();
+    return writeBytes(path, std::move(*bytes), image.width(), image.height(), wide ? 16 : 8, PNG_COLOR_TYPE_GRAY);
+}
+
+Result<void> writePng(const fs::path& path, const ColorImage& figure) {
+    std::string bytes(3 * figure.size(), '\0');
+    std::memcpy(bytes.data(), figure.pixels().data(), bytes.size());
+    return writeBytes(path, std::move(bytes), figure.width(), figure.height(), 8, PNG_COLOR_TYPE_RGB);
 }
 
 }  // namespace fluorocut

@@ -217,5 +217,22 @@ TEST(ImageFileTest, ReadsRealTiffImages) {
     }
 }
 
+TEST(FigureFileTest, ColoursArriveInTheirOrder) {
+    const test::ScratchFolder scratch;
+    ColorImage figure(3, 2, {255, 255, 255});
+    figure(0, 0) = {200, 0, 0};
+    figure(1, 0) = {0, 200, 0};
+    figure(2, 0) = {0, 0, 200};
+    ASSERT_OK(writeFigure(scratch / "figure.png", figure));
+    const Result<ImageFile> read = readImage(scratch / "figure.png");
+    ASSERT_OK(read);
+    // Luminance of Rec. 709 tells the three apart.
+    EXPECT_NEAR(read->image(0, 0), 0.2126 * 200, 0.5);
+    EXPECT_NEAR(read->image(1, 0), 0.7152 * 200, 0.5);
+    EXPECT_NEAR(read->image(2, 0), 0.0722 * 200, 0.5);
+    EXPECT_NEAR(read->image(1, 1), 255, 0.5);
+    EXPECT_EQ(writeFigure(scratch / "figure.tif", figure).error().code, ErrorCode::invalidOption);
+}
+
 }  // namespace
 }  // namespace fluorocut
