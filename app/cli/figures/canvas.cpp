@@ -38,7 +38,8 @@ void Canvas::picture(const Image& values, const Vector2& at, double scale) {
     for (int y = 0; y < values.height(); ++y) {
         for (int x = 0; x < values.width(); ++x) {
             const float value = values(x, y);
-            grey.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(255 * (value > 0 ? std::min(value, 1.0F) : 0) + 0.5F);
+            grey.at<std::uint8_t>(y, x) =
+                static_cast<std::uint8_t>(255 * (value > 0 ? std::min(value, 1.0F) : 0) + 0.5F);
         }
     }
     const cv::Matx23d canvas_from_picture(scale, 0, at.x(), 0, scale, at.y());
