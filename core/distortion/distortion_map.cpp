@@ -1,0 +1,283 @@
+#include "core/distortion/distortion_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <fmt/format.h>
+
+#include "core/distortion/models/groove_data.h"
+
+namespace fluorocut {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMarginPitches = 0.5;  // of the support beyond the outermost points
+
+}  // namespace
+
+DistortionMap::DistortionMap(DistortionMapParts parts) : parts_(std::move(parts)) {
+    if (!parts_.model || parts_.columns < 1 || parts_.rows < 1 || !(parts_.pixel_mm > 0) || !(parts_.pitch_mm > 0) ||
+        parts_.support.radii().empty()) {
+        throw std::logic_error("DistortionMap: a part is missing");
+    }
+    rotation_ = parts_.detector_from_plate.rotation();
+}
+
+bool DistortionMap::covers(const Vector2& pixel, double margin_px) const {
+    if (!parts_.support.contains(pixel, margin_px)) return false;
+    return model().answersEverywhere() || model().plateFromPixel(pixel).allFinite();
+}
+
+Vector2 DistortionMap::plateFromPixel(const Vector2& pixel) const {
+    const DistortionModel& answers = answering();
+    if (!pixel.allFinite()) return Vector2::Constant(kNaN);
+    if (parts_.support.contains(pixel)) return answers.plateFromPixel(pixel);
+    const Vector2 rim = parts_.support.rimToward(pixel);
+    return answers.plateFromPixel(rim) + answers.jacobian(rim) * (pixel - rim);
+}
+
+Vector2 DistortionMap::detectorFromPixel(const Vector2& pixel) const {
+    return rotation_ * plateFromPixel(pixel) + parts_.detector_from_plate.shift_mm;
+}
+
+Matrix2 DistortionMap::detectorJacobian(const Vector2& pixel) const {
+    if (!pixel.allFinite()) return Matrix2::Constant(kNaN);
+    const bool inside = parts_.support.contains(pixel);
+    return rotation_ * answering().jacobian(inside ? pixel : parts_.support.rimToward(pixel));
+}
+
+Matrix2 DistortionMap::covariance(const Vector2& pixel) const {
+    if (!pixel.allFinite()) return Matrix2::Constant(kNaN);
+    const bool inside = parts_.support.contains(pixel);
+    return rotation_ * model().covariance(inside ? pixel : parts_.support.rimToward(pixel)) * rotation_.transpose();
+}
+
+Vector2 DistortionMap::pixelFromDetector(const Vector2& detector_mm) const {
+    if (!detector_mm.allFinite()) return Vector2::Constant(kNaN);
+    Vector2 pixel = middle() + detector_mm / parts_.pixel_mm;
+    Vector2 miss = detectorFromPixel(pixel) - detector_mm;
+    // Beyond the rim the Jacobian is the rim's and convergence only linear; the map is close to a similarity, so it is
+    // quick all the same. A step that makes it worse is halved.
+    const double enough = 1e-12 * (1 + detector_mm.norm());
+    for (int iteration = 0; iteration < 100 && !(miss.norm() <= enough); ++iteration) {
+        Vector2 step = detectorJacobian(pixel).inverse() * miss;
+        Vector2 next_miss = detectorFromPixel(pixel - step) - detector_mm;
+        for (int half = 0; half < 30 && !(next_miss.norm() < miss.norm()); ++half) {
+            step *= 0.5;
+            next_miss = detectorFromPixel(pixel - step) - detector_mm;
+        }
+        if (!(next_miss.norm() < miss.norm())) break;  // at rounding
+        pixel -= step;
+        miss = next_miss;
+    }
+    return pixel;
+}
+
+Vector2 DistortionMap::idealPixel(const Vector2& pixel) const {
+    return middle() + detectorFromPixel(pixel) / parts_.pixel_mm;
+}
+
+Vector2 DistortionMap::distortedPixel(const Vector2& ideal_px) const {
+    return pixelFromDetector((ideal_px - middle()) * parts_.pixel_mm);
+}
+
+void DistortionMap::idealRow(const Vector2& first, std::span<Vector2> ideal) const {
+    // The support's part of a row in one piece of the model's batch call; pixel by pixel beyond.
+    const auto at = [&](std::size_t i) { return Vector2(first + Vector2(static_cast<double>(i), 0)); };
+    const double scale = 1 / parts_.pixel_mm;
+    const Matrix2 turn = scale * rotation_;
+    const Vector2 shift = middle() + scale * parts_.detector_from_plate.shift_mm;
+    std::size_t i = 0;
+    while (i < ideal.size()) {
+        std::size_t end = i;
+        while (end < ideal.size() && parts_.support.contains(at(end)))
+            ++end;
+        answering().plateFromRow(at(i), 1, ideal.subspan(i, end - i));
+        for (; i < end; ++i)
+            ideal[i] = turn * ideal[i] + shift;
+        for (; i < ideal.size() && !parts_.support.contains(at(i)); ++i)
+            ideal[i] = idealPixel(at(i));
+    }
+}
+
+namespace {
+
+std::vector<Vector2> usedPixels(const std::vector<GroovePoint>& points, const std::vector<char>& used) {
+    std::vector<Vector2> pixels;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        if (used[i]) pixels.push_back(points[i].pixel);
+    }
+    return pixels;
+}
+
+// Shift to (0, 0) and turn to the identity in the middle of the image; gives the local scale.
+double placeDetector(DistortionMapParts& parts) {
+    parts.detector_from_plate = {};
+    const DistortionMap plate(parts);
+    const Matrix2 jacobian = plate.detectorJacobian(plate.middle());
+    // The rotation closest to J is that by atan2(J21 - J12, J11 + J22); it is undone.
+    PlaneMotion& motion = parts.detector_from_plate;
+    motion.rotation_rad = -std::atan2(jacobian(1, 0) - jacobian(0, 1), jacobian(0, 0) + jacobian(1, 1));
+    motion.shift_mm = -(motion.rotation() * plate.plateFromPixel(plate.middle()));
+    return std::sqrt(std::abs(jacobian.determinant()));
+}
+
+double coverage(const DistortionMap& map) {
+    constexpr int kStep = 4;
+    int covered = 0, all = 0;
+    for (int y = kStep / 2; y < map.rows(); y += kStep) {
+        for (int x = kStep / 2; x < map.columns(); x += kStep, ++all)
+            covered += map.covers(Vector2(x, y));
+    }
+    return all == 0 ? kNaN : static_cast<double>(covered) / all;
+}
+
+// A map must not fold over or stretch one way out of all reason: the worst of its Jacobians over the support.
+Result<void> requireSound(const DistortionMap& map) {
+    const double scale = std::sqrt(map.detectorJacobian(map.middle()).determinant());
+    const Support& support = map.parts().support;
+    for (const double share : {0.0, 0.3, 0.6, 0.8, 0.9, 1.0}) {
+        for (const Vector2& rim : support.polygon()) {
+            const Vector2 pixel = support.centre() + share * (rim - support.centre());
+            const Matrix2 jacobian = map.detectorJacobian(pixel);
+            const Vector2 stretch = jacobian.jacobiSvd().singularValues() / scale;
+            if (!(jacobian.determinant() > 0 && stretch[0] < 2 && stretch[1] > 0.5)) {
+                return noSolution(
+                    "distortion fit",
+                    fmt::format("a map that folds or stretches at pixel ({:.0f}, {:.0f})", pixel.x(), pixel.y()),
+                    "a scale within a factor of 2 of that in the middle",
+                    "take a lower order, or an image that shows more of the plate");
+            }
+        }
+    }
+    return {};
+}
+
+DistortionQuality measured(const DistortionMap& map, const GroovePoints& points, const FittedModel& fitted) {
+    DistortionQuality quality;
+    quality.warnings = fitted.warnings;
+    quality.coverage = coverage(map);
+    double sum_mm = 0, sum_px = 0;
+    const GrooveResiduals residuals = grooveResiduals(map, points);
+    for (const int axis : {0, 1}) {
+        const std::vector<GroovePoint>& all = axis == 0 ? points.along_y : points.along_x;
+        const std::vector<double>& misses = axis == 0 ? residuals.along_y_mm : residuals.along_x_mm;
+        const std::vector<char>& used = axis == 0 ? fitted.used_along_y : fitted.used_along_x;
+        std::set<int> grooves;
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            if (!used[i]) {
+                ++quality.points_rejected;
+                continue;
+            }
+            ++quality.points_used;
+            grooves.insert(all[i].index);
+            sum_mm += misses[i] * misses[i];
+            // mm per pixel in the direction the point was measured in; the gradient's length is near it.
+            const double slope = map.detectorJacobian(all[i].pixel).row(axis).norm();
+            sum_px += misses[i] * misses[i] / (slope * slope);
+        }
+        (axis == 0 ? quality.columns_found : quality.rows_found) = static_cast<int>(grooves.size());
+    }
+    quality.rms_mm = std::sqrt(sum_mm / quality.points_used);
+    quality.rms_px = std::sqrt(sum_px / quality.points_used);
+    return quality;
+}
+
+}  // namespace
+
+Result<DistortionMap> fitDistortion(const GroovePoints& points, const DistortionFitOptions& options,
+                                    Progress& progress) {
+    if (const Result<void> good = options.validate(); !good) return good.error();
+    const Result<FittedModel> fitted = findDistortionModel(options.model)->fit(points, options, progress);
+    if (!fitted) return fitted.error();
+
+    DistortionMapParts parts;
+    parts.model = fitted->model;
+    parts.columns = points.columns;
+    parts.rows = points.rows;
+    parts.pitch_mm = points.pitch_mm;
+    parts.pixel_mm = roughScale(points);
+    const Result<Support> support = Support::around(
+        {usedPixels(points.along_y, fitted->used_along_y), usedPixels(points.along_x, fitted->used_along_x)},
+        kMarginPitches * points.pitch_mm / parts.pixel_mm);
+    if (!support) return support.error();
+    parts.support = *support;
+    const double scale = placeDetector(parts);
+    if (!(scale > 0)) return noSolution("distortion fit", "no scale in the middle of the image", "a map there");
+    parts.pixel_mm = std::isnan(options.pixel_mm) ? scale : options.pixel_mm;
+
+    const DistortionMap map(parts);
+    if (const Result<void> sound = requireSound(map); !sound) return sound.error();
+    parts.quality = measured(map, points, *fitted);
+    return DistortionMap(std::move(parts));
+}
+
+GrooveResiduals grooveResiduals(const DistortionMap& map, const GroovePoints& points) {
+    GrooveResiduals residuals;
+    for (const GroovePoint& point : points.along_y)
+        residuals.along_y_mm.push_back(map.plateFromPixel(point.pixel).x() - point.index * points.pitch_mm);
+    for (const GroovePoint& point : points.along_x)
+        residuals.along_x_mm.push_back(map.plateFromPixel(point.pixel).y() - point.index * points.pitch_mm);
+    return residuals;
+}
+
+namespace {
+
+class MapDistortion final : public Distortion {
+  public:
+    MapDistortion(const DistortionMap& map, const CArm& carm)
+        : map_(map),
+          pixel_mm_(carm.pixel_mm),
+          principal_px_(carm.principal_point_px),
+          principal_mm_((carm.principal_point_px - map.middle()).cwiseProduct(carm.pixel_mm)) {}
+
+    Vector2 distorted(const Vector2& undistorted_mm) const override {
+        const Vector2 pixel = map_.pixelFromDetector(undistorted_mm + principal_mm_);
+        return (pixel - principal_px_).cwiseProduct(pixel_mm_);
+    }
+    Vector2 undistorted(const Vector2& distorted_mm) const override {
+        return map_.detectorFromPixel(distorted_mm.cwiseQuotient(pixel_mm_) + principal_px_) - principal_mm_;
+    }
+
+  private:
+    DistortionMap map_;
+    Vector2 pixel_mm_, principal_px_, principal_mm_;
+};
+
+}  // namespace
+
+Result<std::shared_ptr<const Distortion>> distortionOf(const DistortionMap& map, const CArm& carm) {
+    if (carm.columns != map.columns() || carm.rows != map.rows()) {
+        return invalidInput("distortion map", fmt::format("a map of {} x {} pixels", map.columns(), map.rows()),
+                            fmt::format("{} x {}, as the C-arm has", carm.columns, carm.rows));
+    }
+    for (int axis = 0; axis < 2; ++axis) {
+        if (!(std::abs(carm.pixel_mm[axis] / map.pixelMm() - 1) <= 0.1)) {
+            return invalidInput("distortion map", fmt::format("pixel_mm {:.4f}", map.pixelMm()),
+                                fmt::format("within 10 % of the C-arm's {:.4f}", carm.pixel_mm[axis]),
+                                "take the map of this C-arm, or correct pixel_mm in the C-arm's file");
+        }
+    }
+    return std::shared_ptr<const Distortion>(std::make_shared<MapDistortion>(map, carm));
+}
+
+DistortionReaders distortionReaders() {
+    return {{"fluorocut/distortion/1",
+             [](const std::filesystem::path& path, const CArm& carm) -> Result<std::shared_ptr<const Distortion>> {
+                 const Result<DistortionMap> map = readDistortionMap(path);
+                 if (!map) return map.error();
+                 Result<std::shared_ptr<const Distortion>> distortion = distortionOf(*map, carm);
+                 if (!distortion) {
+                     Error error = distortion.error();
+                     error.where = "distortion file " + path.string();
+                     return error;
+                 }
+                 return distortion;
+             }}};
+}
+
+}  // namespace fluorocut
