@@ -151,6 +151,11 @@ double penumbraSigmaPx(const CArm& carm, double focal_spot_mm, double object_dep
     return focal_spot_mm / std::sqrt(12.0) * (magnification - 1) / carm.pixel_mm.mean();
 }
 
+Image penumbraBlurred(const Image& beam, const CArm& carm, const XrayOptions& options) {
+    if (options.focal_kernel) return convolved(beam, *options.focal_kernel);
+    return gaussianBlurred(beam, penumbraSigmaPx(carm, options.focal_spot_mm, options.object_depth_mm));
+}
+
 Image expectedQuanta(const Image& line_integrals, const CArm& carm, const XrayOptions& options) {
     const int width = line_integrals.width(), height = line_integrals.height();
     const bool with_scatter = options.scatter_per_attenuation > 0;
@@ -168,11 +173,7 @@ Image expectedQuanta(const Image& line_integrals, const CArm& carm, const XrayOp
         for (int x = 0; x < width; ++x)
             scattered[x] = scatter_factor * out[x] * std::max(0.0f, in[x]);
     });
-    if (options.focal_kernel) {
-        primary = convolved(primary, *options.focal_kernel);
-    } else {
-        primary = gaussianBlurred(primary, penumbraSigmaPx(carm, options.focal_spot_mm, options.object_depth_mm));
-    }
+    primary = penumbraBlurred(primary, carm, options);
     if (with_scatter) {
         scatter = gaussianBlurred(scatter, options.scatter_sigma_mm / carm.pixel_mm.mean());
         forRows(height, [&](int y) {

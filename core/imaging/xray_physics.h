@@ -73,6 +73,7 @@ struct Exposure {
 Result<Exposure> expose(const Image& line_integrals, const CArm& carm, const XrayOptions& options);
 
 // Parts of the chain, for those who need one alone. Options are taken as valid.
+Image penumbraBlurred(const Image& beam, const CArm& carm, const XrayOptions& options);           // F *
 Image expectedQuanta(const Image& line_integrals, const CArm& carm, const XrayOptions& options);  // P + S
 Image detectorSpread(Image quanta, const CArm& carm, const XrayOptions& options);                 // D
 

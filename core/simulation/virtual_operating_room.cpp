@@ -11,7 +11,6 @@
 
 #include "core/base/option_checks.h"
 #include "core/base/random.h"
-#include "core/imaging/mesh_projector.h"
 #include "core/simulation/truth.h"
 
 namespace fluorocut {
@@ -23,6 +22,9 @@ enum class Stream : std::uint64_t { patient, robot, carm, visits, exposures };
 Random streamOf(std::uint64_t seed, Stream stream) {
     return Random(seed).fork(static_cast<std::uint64_t>(stream));
 }
+
+// Through a metre of steel comes less; its logarithm stays finite.
+constexpr float kDarkestBeam = 1e-30F;
 
 // Uniform in the ball.
 Vector3 inBall(double radius, Random& random) {
@@ -55,6 +57,9 @@ Result<void> OperatingRoomOptions::validate() const {
         return invalidOption("nominal_carm.distortion", "a distortion", "none: describe it in `intensifier`");
     }
     if (auto ok = intensifier.validate(); !ok) return ok;
+    if (constant_bending) {
+        if (auto ok = constant_bending->validate(); !ok) return ok;
+    }
     if (auto ok = xray.validate(); !ok) return ok;
     if (!(source_to_isocentre_mm >= 10 && source_to_isocentre_mm <= nominal_carm.focal_length_mm - 20)) {
         return invalidOption("source_to_isocentre_mm", fmt::format("{}", source_to_isocentre_mm),
@@ -79,6 +84,7 @@ OperatingRoomOptions OperatingRoomOptions::withoutErrors() const {
     OperatingRoomOptions options = *this;
     options.focal_length_error_mm = options.focal_length_sag_mm = options.principal_point_error_px = 0;
     options.intensifier = IntensifierOptions::none();
+    options.constant_bending.reset();
     options.return_offset_mm = options.return_rotation_rad = 0;
     options.patient_offset_mm = options.patient_rotation_rad = 0;
     options.robot_offset_mm = options.robot_rotation_rad = 0;
@@ -90,20 +96,22 @@ struct VirtualOperatingRoom::Hidden {
     OperatingRoomOptions options;
     Truth truth;
     std::optional<VolumeProjector> patient;
-    std::vector<MeshProjector> objects;  // as truth.objects
+    std::vector<PathLengths> objects;  // as truth.objects
     double focal_length_error_mm = 0;
     Vector2 principal_point_error_px = Vector2::Zero();
     std::uint64_t visits = 0;
     Standing standing;
 
-    Rigid3 roomFrom(HeldBy holder) const {
+    static Rigid3 imagerFrom(HeldBy holder, const ViewTruth& view) {
         switch (holder) {
             case HeldBy::patient:
-                return truth.room_from_femur;
+                return view.imager_from_femur;
             case HeldBy::robot:
-                return truth.room_from_robot;
+                return view.imager_from_robot;
             case HeldBy::room:
-                return Rigid3();
+                return view.imager_from_room;
+            case HeldBy::imager:
+                return Rigid3::fromTranslation({0, 0, view.carm.focal_length_mm});
         }
         throw std::logic_error("HeldBy outside its enumeration");
     }
@@ -121,33 +129,53 @@ struct VirtualOperatingRoom::Hidden {
         standing.carm.focal_length_mm += focal_length_error_mm + options.focal_length_sag_mm * gravity_along_beam;
         standing.carm.principal_point_px += principal_point_error_px;
 
-        const auto bending = disturbed(intensifierAt(options.intensifier, standing.imager_from_room),
-                                       options.intensifier.repeatability_mm, random);
+        const auto bending =
+            options.constant_bending.value_or(disturbed(intensifierAt(options.intensifier, standing.imager_from_room),
+                                                        options.intensifier.repeatability_mm, random));
         const auto distortion = IntensifierDistortion::create(bending);
         if (!distortion) return distortion.error();
         if (!bending.isIdentity()) standing.carm.distortion = *distortion;
         return {};
     }
 
-    // nullopt: cancelled.
-    std::optional<Image> lineIntegrals(const ViewTruth& view, Progress& progress) const {
+    // nullopt: cancelled. Line integrals whose beam already has its penumbra, so that it must not be blurred again,
+    // when `focused` comes back true.
+    std::optional<Image> lineIntegrals(const ViewTruth& view, Progress& progress, bool& focused) const {
         Image sum(view.carm.columns, view.carm.rows);
         if (patient) {
             ProjectionOptions how;
             how.method = options.projection;
             sum = patient->project(view.carm, view.imager_from_femur, how);
         }
-        for (std::size_t n = 0; n < objects.size(); ++n) {
-            if (progress.isCancelled()) return std::nullopt;
-            progress.report(0.5 + 0.4 * static_cast<double>(n) / static_cast<double>(objects.size()), "exposing");
-            const HeldObject& object = truth.objects[n];
-            double mu = attenuationPerMm(object.material, options.energy_kev);
-            if (object.displaces) mu -= attenuationPerMm(*object.displaces, options.energy_kev);
-            const Rigid3 pose = view.imager_from_room * roomFrom(object.holder) * object.holder_from_object;
-            const Image path = objects[n].project(view.carm, pose, {options.samples_per_axis});
-            for (std::size_t i = 0; i < sum.size(); ++i)
-                sum.pixels()[i] += static_cast<float>(mu) * path.pixels()[i];
+        std::size_t done = 0;
+        // False: cancelled.
+        const auto add = [&](bool on_detector) {
+            for (std::size_t n = 0; n < objects.size(); ++n) {
+                const HeldObject& object = truth.objects[n];
+                if ((object.holder == HeldBy::imager) != on_detector) continue;
+                if (progress.isCancelled()) return false;
+                progress.report(0.5 + 0.4 * static_cast<double>(done++) / static_cast<double>(objects.size()),
+                                "exposing");
+                double mu = attenuationPerMm(object.material, options.energy_kev);
+                if (object.displaces) mu -= attenuationPerMm(*object.displaces, options.energy_kev);
+                const Rigid3 pose = imagerFrom(object.holder, view) * object.holder_from_object;
+                const Image path = objects[n](view.carm, pose, {options.samples_per_axis});
+                for (std::size_t i = 0; i < sum.size(); ++i)
+                    sum.pixels()[i] += static_cast<float>(mu) * path.pixels()[i];
+            }
+            return true;
+        };
+        if (!add(false)) return std::nullopt;
+        focused = std::any_of(truth.objects.begin(), truth.objects.end(),
+                              [](const HeldObject& object) { return object.holder == HeldBy::imager; });
+        if (focused) {
+            for (float& t : sum.pixels())
+                t = std::exp(-t);
+            sum = penumbraBlurred(sum, view.carm, view.xray);
+            for (float& beam : sum.pixels())
+                beam = -std::log(std::max(beam, kDarkestBeam));
         }
+        if (!add(true)) return std::nullopt;
         return sum;
     }
 
@@ -227,9 +255,15 @@ Result<AcquiredImage> VirtualOperatingRoom::acquire(const ImageRequest& request,
     view.imager_from_robot = standing.imager_from_room * truth.room_from_robot;
     view.xray = options.xray;
     view.xray.seed = streamOf(options.seed, Stream::exposures).fork(sequence).bits();
-    const std::optional<Image> line_integrals = hidden_->lineIntegrals(view, progress);
+    bool focused = false;
+    const std::optional<Image> line_integrals = hidden_->lineIntegrals(view, progress, focused);
     if (!line_integrals || progress.isCancelled()) return cancelled(name());
-    auto exposure = expose(*line_integrals, view.carm, view.xray);
+    XrayOptions exposing = view.xray;
+    if (focused) {
+        exposing.focal_spot_mm = 0;
+        exposing.focal_kernel.reset();
+    }
+    auto exposure = expose(*line_integrals, view.carm, exposing);
     if (!exposure) return exposure.error();
     truth.views.push_back(std::move(view));
 
@@ -253,9 +287,17 @@ Result<void> VirtualOperatingRoom::hold(HeldObject object) {
     if (object.name.empty() || hidden_->indexOf(object.name) < held.size()) {
         return invalidOption("object", "\"" + object.name + "\"", "a name of its own");
     }
-    auto projector = MeshProjector::prepare(object.mesh, object.name);
-    if (!projector) return projector.error();
-    hidden_->objects.push_back(std::move(*projector));
+    if (object.path_lengths) {
+        hidden_->objects.push_back(object.path_lengths);
+    } else {
+        auto projector = MeshProjector::prepare(object.mesh, object.name);
+        if (!projector) return projector.error();
+        hidden_->objects.push_back(
+            [shared = std::make_shared<const MeshProjector>(std::move(*projector))](
+                const CArm& carm, const Rigid3& imager_from_object, const MeshProjectionOptions& how) {
+                return shared->project(carm, imager_from_object, how);
+            });
+    }
     held.push_back(std::move(object));
     return {};
 }

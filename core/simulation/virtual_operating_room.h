@@ -14,11 +14,17 @@
 // path, then core/imaging/xray_physics.h. An object outside the body displaces air and just adds; one inside (a bead in
 // bone) displaces what `displaces` says, since the CT was taken without it.
 //
+// The focal spot blurs the shadows of everything at the isocentre's depth. What the imager carries (the grooved plate)
+// lies on the detector, where the spot's penumbra has no width (5 um 4 mm in front of it): its transmission is
+// multiplied to the blurred beam, not blurred with it. One width for each of the two is exact for objects at these two
+// depths; a bone 100 mm above the isocentre has a penumbra 0.05 mm narrower than it is given.
+//
 // Frames: `room` of core/imaging/carm_position.h, patient in `femur`, robot base in `robot`. The same requests to a
 // room of the same seed give the same images.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -28,6 +34,7 @@
 #include "core/image/volume.h"
 #include "core/imaging/image_source.h"
 #include "core/imaging/materials.h"
+#include "core/imaging/mesh_projector.h"
 #include "core/imaging/volume_projector.h"
 #include "core/imaging/xray_physics.h"
 #include "core/simulation/intensifier_distortion.h"
@@ -44,6 +51,8 @@ struct OperatingRoomOptions {
     double focal_length_sag_mm = 2;  // longer by this with the beam straight down, shorter with it straight up
     double principal_point_error_px = 5;
     IntensifierOptions intensifier;
+    // Instead of what `intensifier` says: the same bending at every pose.
+    std::optional<IntensifierDistortionParameters> constant_bending;
     // Between any two visits to one position: of the isocentre that the C-arm carries with it, and of its orientation.
     double return_offset_mm = 40;
     double return_rotation_rad = radiansFromDegrees(5);
@@ -72,15 +81,23 @@ struct OperatingRoomOptions {
     OperatingRoomOptions withoutErrors() const;
 };
 
-enum class HeldBy { patient, robot, room };
+// `imager`: carried by the C-arm's detector. Its frame is that of the true imager moved along the beam to the detector:
+// origin where the principal axis meets it, x along columns, y down the rows, z away from the source. The detector
+// plane, z = 0, is the one that pixels and focal length belong to.
+enum class HeldBy { patient, robot, room, imager };
+
+// Path lengths (mm) that an object knows in closed form, in the pixels that MeshProjector gives them in.
+using PathLengths =
+    std::function<Image(const CArm& carm, const Rigid3& imager_from_object, const MeshProjectionOptions& options)>;
 
 struct HeldObject {
     std::string name;   // unique in the room
-    TriangleMesh mesh;  // closed, turned outward; in the object's own frame, mm
+    TriangleMesh mesh;  // closed, turned outward; in the object's own frame, mm. Not looked at with path_lengths
     Material material = Material::steel;
     std::optional<Material> displaces;  // what is there in the CT; nothing: air
     HeldBy holder = HeldBy::room;
     Rigid3 holder_from_object;
+    PathLengths path_lengths;  // instead of those through the mesh
 };
 
 class VirtualOperatingRoom final : public ImageSource {
