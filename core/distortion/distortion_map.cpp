@@ -56,23 +56,37 @@ Matrix2 DistortionMap::covariance(const Vector2& pixel) const {
     return rotation_ * model().covariance(inside ? pixel : parts_.support.rimToward(pixel)) * rotation_.transpose();
 }
 
+DistortionMap::Linear DistortionMap::linearised(const Vector2& pixel) const {
+    const bool inside = parts_.support.contains(pixel);
+    const Vector2 at = inside ? pixel : parts_.support.rimToward(pixel);
+    const Matrix2 jacobian = rotation_ * answering().jacobian(at);
+    return {rotation_ * answering().plateFromPixel(at) + jacobian * (pixel - at) + parts_.detector_from_plate.shift_mm,
+            jacobian};
+}
+
 Vector2 DistortionMap::pixelFromDetector(const Vector2& detector_mm) const {
-    if (!detector_mm.allFinite()) return Vector2::Constant(kNaN);
-    Vector2 pixel = middle() + detector_mm / parts_.pixel_mm;
-    Vector2 miss = detectorFromPixel(pixel) - detector_mm;
+    // Far below 1e-9 mm, above the rounding of the sums behind it.
+    return pixelFromDetector(detector_mm, middle() + detector_mm / parts_.pixel_mm, 1e-12 * (1 + detector_mm.norm()));
+}
+
+Vector2 DistortionMap::pixelFromDetector(const Vector2& detector_mm, const Vector2& guess_px,
+                                         double tolerance_mm) const {
+    if (!detector_mm.allFinite() || !guess_px.allFinite()) return Vector2::Constant(kNaN);
+    Vector2 pixel = guess_px;
+    Linear at = linearised(pixel);
+    Vector2 miss = at.detector_mm - detector_mm;
     // Beyond the rim the Jacobian is the rim's and convergence only linear; the map is close to a similarity, so it is
     // quick all the same. A step that makes it worse is halved.
-    const double enough = 1e-12 * (1 + detector_mm.norm());
-    for (int iteration = 0; iteration < 100 && !(miss.norm() <= enough); ++iteration) {
-        Vector2 step = detectorJacobian(pixel).inverse() * miss;
-        Vector2 next_miss = detectorFromPixel(pixel - step) - detector_mm;
-        for (int half = 0; half < 30 && !(next_miss.norm() < miss.norm()); ++half) {
-            step *= 0.5;
-            next_miss = detectorFromPixel(pixel - step) - detector_mm;
+    for (int iteration = 0; iteration < 100 && !(miss.norm() <= tolerance_mm); ++iteration) {
+        Vector2 step = at.jacobian.inverse() * miss;
+        const double before = miss.norm();
+        for (int half = 0; half < 30; ++half, step *= 0.5) {
+            at = linearised(pixel - step);
+            miss = at.detector_mm - detector_mm;
+            if (miss.norm() < before) break;
         }
-        if (!(next_miss.norm() < miss.norm())) break;  // at rounding
+        if (!(miss.norm() < before)) break;  // at rounding
         pixel -= step;
-        miss = next_miss;
     }
     return pixel;
 }

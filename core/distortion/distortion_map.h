@@ -102,6 +102,8 @@ class DistortionMap {
     Matrix2 covariance(const Vector2& pixel) const;
     // Inverse of detectorFromPixel to 1e-9 mm: Newton's method. NaN for NaN.
     Vector2 pixelFromDetector(const Vector2& detector_mm) const;
+    // The same from a guess, only to tolerance_mm.
+    Vector2 pixelFromDetector(const Vector2& detector_mm, const Vector2& guess_px, double tolerance_mm) const;
 
     Vector2 idealPixel(const Vector2& pixel) const;         // straight from distorted
     Vector2 distortedPixel(const Vector2& ideal_px) const;  // distorted from straight
@@ -109,6 +111,11 @@ class DistortionMap {
     void idealRow(const Vector2& first, std::span<Vector2> ideal) const;
 
   private:
+    struct Linear {
+        Vector2 detector_mm;
+        Matrix2 jacobian;
+    };
+    Linear linearised(const Vector2& pixel) const;
     const DistortionModel& answering() const { return fallback_ ? *fallback_ : *parts_.model; }
 
     DistortionMapParts parts_;

@@ -129,6 +129,11 @@ bool Support::contains(const Vector2& pixel, double margin_px) const {
     return distance <= radius(std::atan2(from_centre.y(), from_centre.x()));  // not for NaN
 }
 
+double Support::depth(const Vector2& pixel) const {
+    const Vector2 from_centre = pixel - centre_;
+    return radius(std::atan2(from_centre.y(), from_centre.x())) - from_centre.norm();
+}
+
 Vector2 Support::rimToward(const Vector2& pixel) const {
     const Vector2 from_centre = pixel - centre_;
     return centre_ + radius(std::atan2(from_centre.y(), from_centre.x())) * from_centre.normalized();

@@ -25,6 +25,8 @@ class Support {
     const std::vector<double>& radii() const { return radius_; }
     double radius(double angle_rad) const;
     bool contains(const Vector2& pixel, double margin_px = 0) const;
+    // How far inside the rim along the line from the centre; negative outside.
+    double depth(const Vector2& pixel) const;
     // The point of the rim toward `pixel`.
     Vector2 rimToward(const Vector2& pixel) const;
     std::vector<Vector2> polygon() const;
