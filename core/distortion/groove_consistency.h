@@ -1,0 +1,33 @@
+// Which measured segments to believe: by what they are themselves, by their neighbours, and by what holds them
+// together.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/distortion/groove_segments.h"
+
+namespace fluorocut::grooves {
+
+// Median contrast of the found segments of one direction; 0 without any.
+double medianContrast(const std::vector<Segment>& segments, int direction);
+
+// Found segments become hidden (contrast far below the others') or doubtful: contrast far above, residuals much rougher
+// than elsewhere, a fifth of a pitch or more from where the map has them.
+void rejectUnlikely(std::vector<Segment>& segments);
+
+// Continuity: a groove's deviation from the map is a smooth function of place. Found segments that do not lie where a
+// plane through the neighbours within two pitches puts them, within their standard deviations, become doubtful; so do
+// those with too few neighbours. Rough residuals (tissue that is not white) are charged to sigma_px, as strongly as the
+// scatter about the neighbours shows they must be.
+void rejectDiscontinuous(std::vector<Segment>& segments);
+
+// Segments hang together within 1.6 pitches. Parts cut off from the largest one become doubtful unless two polynomials
+// through the largest part put them, near the gap, clearly at the index they have. Returns how many were dropped.
+int dropUncertainParts(std::vector<Segment>& segments, const Vector2& center, double radius);
+
+// Robust polynomial map through the found segments; nothing when they do not hold one.
+std::optional<LatticeMap> mapThrough(const std::vector<Segment>& segments, int max_order, const Vector2& center,
+                                     double radius);
+
+}  // namespace fluorocut::grooves

@@ -1,0 +1,156 @@
+#include "core/distortion/lattice_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include <Eigen/Cholesky>
+
+namespace fluorocut::grooves {
+namespace {
+
+double median(std::vector<double>& values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+}  // namespace
+
+LatticeMap::LatticeMap(int order, const Vector2& center, double radius)
+    : order_(order), center_(center), radius_(radius) {
+    if (order < 0 || order > kMaxOrder) throw std::logic_error("LatticeMap: order outside 0 to 5");
+    for (auto& coefficients : coefficients_)
+        coefficients = Coefficients::Zero(coefficientCount(order));
+}
+
+// 1, x, y, x^2, x y, y^2, ...
+LatticeMap::Coefficients LatticeMap::basis(const Vector2& pixel) const {
+    const double x = (pixel.x() - center_.x()) / radius_, y = (pixel.y() - center_.y()) / radius_;
+    Coefficients terms(coefficientCount(order_));
+    terms[0] = 1;
+    for (int degree = 1, n = 1; degree <= order_; ++degree) {
+        const int before = n - degree;  // first term of the degree below
+        for (int k = 0; k < degree; ++k)
+            terms[n++] = terms[before + k] * x;
+        terms[n] = terms[n - 1 - degree] * y;
+        ++n;
+    }
+    return terms;
+}
+
+bool LatticeMap::fit(int coordinate, std::span<const LatticeSample> samples, double least_cut) {
+    const int count = coefficientCount(order_);
+    if (static_cast<int>(samples.size()) < 2 * count) return false;
+    std::vector<Coefficients> rows(samples.size());
+    std::transform(samples.begin(), samples.end(), rows.begin(),
+                   [&](const auto& sample) { return basis(sample.pixel); });
+    std::vector<double> weights(samples.size()), residuals(samples.size());
+    for (std::size_t n = 0; n < samples.size(); ++n)
+        weights[n] = samples[n].weight;
+    Coefficients& coefficients = coefficients_[static_cast<std::size_t>(coordinate)];
+    for (int iteration = 0; iteration < 5; ++iteration) {
+        Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(count, count);
+        Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
+        double sum = 0;
+        for (std::size_t n = 0; n < samples.size(); ++n) {
+            if (weights[n] <= 0) continue;
+            normal.selfadjointView<Eigen::Lower>().rankUpdate(rows[n], weights[n]);
+            right += weights[n] * samples[n].value * rows[n];
+            sum += weights[n];
+        }
+        if (!(sum > 0)) return false;
+        normal.diagonal().array() += 1e-10 * sum;
+        const Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower> solver(normal);
+        if (solver.info() != Eigen::Success) return false;
+        coefficients = solver.solve(right);
+        if (!coefficients.allFinite()) return false;
+        std::vector<double> magnitudes;
+        magnitudes.reserve(samples.size());
+        for (std::size_t n = 0; n < samples.size(); ++n) {
+            residuals[n] = samples[n].value - rows[n].dot(coefficients);
+            magnitudes.push_back(std::abs(residuals[n]));
+        }
+        const double cut = std::max(4 * 1.4826 * median(magnitudes), least_cut);
+        for (std::size_t n = 0; n < samples.size(); ++n) {
+            const double ratio = residuals[n] / cut, inside = 1 - ratio * ratio;
+            weights[n] = inside > 0 ? samples[n].weight * inside * inside : 0;
+        }
+    }
+    return true;
+}
+
+LatticeMap LatticeMap::transformed(double scale, const Vector2& shift) const {
+    LatticeMap result = *this;
+    for (std::size_t c = 0; c < 2; ++c) {
+        result.coefficients_[c] *= scale;
+        result.coefficients_[c][0] += shift[static_cast<Eigen::Index>(c)];
+    }
+    return result;
+}
+
+LatticeMap LatticeMap::magnified(int factor) const {
+    LatticeMap result = *this;
+    result.center_ = factor * center_ + Vector2::Constant(0.5 * (factor - 1));
+    result.radius_ = factor * radius_;
+    return result;
+}
+
+Vector2 LatticeMap::at(const Vector2& pixel) const {
+    const Coefficients terms = basis(pixel);
+    return {terms.dot(coefficients_[0]), terms.dot(coefficients_[1])};
+}
+
+LatticePlace LatticeMap::place(const Vector2& pixel) const {
+    const double x = (pixel.x() - center_.x()) / radius_, y = (pixel.y() - center_.y()) / radius_;
+    std::array<double, kMaxOrder + 1> px, py;
+    px[0] = py[0] = 1;
+    for (std::size_t n = 1; n <= kMaxOrder; ++n) {
+        px[n] = px[n - 1] * x;
+        py[n] = py[n - 1] * y;
+    }
+    LatticePlace place;
+    int n = 0;
+    for (int degree = 0; degree <= order_; ++degree) {
+        for (int b = 0; b <= degree; ++b, ++n) {  // x^a y^b
+            const int a = degree - b;
+            const auto ua = static_cast<std::size_t>(a), ub = static_cast<std::size_t>(b);
+            const double dx = a > 0 ? a * px[ua - 1] * py[ub] : 0, dy = b > 0 ? b * px[ua] * py[ub - 1] : 0;
+            const double dxx = a > 1 ? a * (a - 1) * px[ua - 2] * py[ub] : 0;
+            const double dyy = b > 1 ? b * (b - 1) * px[ua] * py[ub - 2] : 0;
+            const double dxy = a > 0 && b > 0 ? a * b * px[ua - 1] * py[ub - 1] : 0;
+            for (int c = 0; c < 2; ++c) {
+                const double k = coefficients_[static_cast<std::size_t>(c)][n];
+                place.lattice[c] += k * px[ua] * py[ub];
+                place.jacobian(c, 0) += k * dx / radius_;
+                place.jacobian(c, 1) += k * dy / radius_;
+                auto& hessian = place.hessian[static_cast<std::size_t>(c)];
+                const double scale = k / (radius_ * radius_);
+                hessian(0, 0) += scale * dxx;
+                hessian(0, 1) += scale * dxy;
+                hessian(1, 0) += scale * dxy;
+                hessian(1, 1) += scale * dyy;
+            }
+        }
+    }
+    return place;
+}
+
+std::optional<Vector2> LatticeMap::pixelOf(const Vector2& lattice, const Vector2& start) const {
+    Vector2 pixel = start;
+    for (int iteration = 0; iteration < 8; ++iteration) {
+        const LatticePlace here = place(pixel);
+        const Vector2 missing = lattice - here.lattice;
+        if (iteration == 0 && !(missing.norm() < 3)) return std::nullopt;
+        const double determinant = here.jacobian.determinant();
+        if (!(determinant > 0)) return std::nullopt;
+        const Vector2 step = here.jacobian.inverse() * missing;
+        pixel += step;
+        if (!((pixel - start).norm() * std::sqrt(determinant) < 4)) return std::nullopt;
+        if (step.norm() < 1e-6) return pixel;
+    }
+    return std::nullopt;
+}
+
+}  // namespace fluorocut::grooves
