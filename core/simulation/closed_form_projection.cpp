@@ -1,8 +1,10 @@
 #include "core/simulation/closed_form_projection.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -50,6 +52,9 @@ struct Span {
     }
 };
 
+template <class Point>
+using Quad = std::array<Point, 4>;  // in the order around it
+
 class PlateRays {
   public:
     PlateRays(const GroovedPlate& plate, PlateFacing facing)
@@ -71,7 +76,112 @@ class PlateRays {
                onLands(origin, direction, layer(extent_.z_land, extent_.z_floor));
     }
 
+    // Mean over a pixel of the length in the plate (mm), from its middle ray and its corner rays, all from the source
+    // toward the detector in the plate's frame. nullopt: they cross the plate too obliquely.
+    std::optional<double> mean(const Vector3& origin, const Vector3& middle, const Quad<Vector3>& corners) const {
+        const double heights[] = {extent_.z_land, extent_.z_floor, extent_.z_back};
+        for (const Vector3& direction : corners) {
+            const double across = direction.head<2>().norm() * std::abs(extent_.z_floor - extent_.z_land);
+            if (!(across < 0.5 * pitch_ * std::abs(direction.z()))) return std::nullopt;
+            for (const double z : heights) {
+                if (!((z - origin.z()) * direction.z() > 0)) return std::nullopt;  // not in front of the source
+            }
+        }
+        const auto at = [&](double z) {
+            Quad<Vector2> quad;
+            for (std::size_t n = 0; n < 4; ++n) {
+                const double t = (z - origin.z()) / corners[n].z();
+                quad[n] = origin.head<2>() + t * corners[n].head<2>();
+            }
+            return quad;
+        };
+        const Quad<Vector2> first = at(extent_.z_land), last = at(extent_.z_floor);
+        const double depth = std::abs(extent_.z_floor - extent_.z_land);
+        // How many planes: by how far the pixel wanders between a layer's sides, in parts of its own size.
+        const double size = std::min((first[1] - first[0]).norm(), (first[3] - first[0]).norm());
+        const double wander = ((last[0] + last[2]) - (first[0] + first[2])).norm() / (2 * size);
+        const auto meanOver = [&](double z, double to_z, const auto& fraction) {
+            const int planes = 2 + static_cast<int>(std::min(4 * wander * std::abs(to_z - z) / depth, 64.0));
+            double sum = 0;
+            for (int n = 0; n < planes; ++n)
+                sum += fraction(at(z + (n + 0.5) / planes * (to_z - z)));
+            return sum / planes;
+        };
+        const double on_lands =
+            meanOver(extent_.z_land, extent_.z_floor, [&](const Quad<Vector2>& quad) { return landFraction(quad); });
+        double below = 1;
+        if (!isInside(last) || !isInside(at(extent_.z_back))) {
+            below = meanOver(extent_.z_floor, extent_.z_back, [&](const Quad<Vector2>& quad) {
+                return fractionInside(quad, extent_.low, extent_.high);
+            });
+        }
+        return (depth * on_lands + std::abs(extent_.z_back - extent_.z_floor) * below) * middle.norm() /
+               std::abs(middle.z());
+    }
+
   private:
+    static double area(const Vector2* corners, int count) {
+        double twice = 0;
+        for (int n = 0; n < count; ++n) {
+            const Vector2 &a = corners[n], &b = corners[(n + 1) % count];
+            twice += a.x() * b.y() - a.y() * b.x();
+        }
+        return 0.5 * std::abs(twice);
+    }
+
+    bool isInside(const Quad<Vector2>& quad) const {
+        return std::all_of(quad.begin(), quad.end(), [&](const Vector2& corner) {
+            return (corner.array() >= extent_.low.array()).all() && (corner.array() <= extent_.high.array()).all();
+        });
+    }
+
+    // The part of a convex quadrangle's area inside a rectangle (Sutherland and Hodgman 1974).
+    static double fractionInside(const Quad<Vector2>& quad, const Vector2& low, const Vector2& high) {
+        Vector2 corners[12], cut[12];
+        std::copy(quad.begin(), quad.end(), corners);
+        int count = 4;
+        for (const Eigen::Index axis : {0, 1}) {
+            for (const double side : {-1.0, 1.0}) {
+                const double limit = side < 0 ? -low[axis] : high[axis];
+                int kept = 0;
+                for (int n = 0; n < count; ++n) {
+                    const Vector2 &a = corners[n], &b = corners[(n + 1) % count];
+                    const double in_a = limit - side * a[axis], in_b = limit - side * b[axis];
+                    if (in_a >= 0) cut[kept++] = a;
+                    if ((in_a >= 0) != (in_b >= 0)) cut[kept++] = a + in_a / (in_a - in_b) * (b - a);
+                }
+                count = kept;
+                std::copy(cut, cut + count, corners);
+            }
+        }
+        return area(corners, count) / area(quad.data(), 4);
+    }
+
+    double landFraction(const Quad<Vector2>& quad) const {
+        Vector2 low = quad[0], high = quad[0];
+        for (const Vector2& corner : quad) {
+            low = low.cwiseMin(corner);
+            high = high.cwiseMax(corner);
+        }
+        int from[2], to[2];
+        for (const Eigen::Index axis : {0, 1}) {
+            const int lands = 2 * extent_.grooves[static_cast<std::size_t>(axis)];
+            if (!(high[axis] > extent_.low[axis] && low[axis] < extent_.high[axis])) return 0;
+            from[axis] = std::max(wallsBelow(axis, std::max(low[axis], extent_.low[axis])), 0);
+            to[axis] = std::min(wallsBelow(axis, std::min(high[axis], extent_.high[axis])), lands);
+        }
+        if (isInside(quad) && from[0] == to[0] && from[1] == to[1]) return from[0] % 2 == 0 && from[1] % 2 == 0 ? 1 : 0;
+        double sum = 0;
+        for (int j = from[1] + from[1] % 2; j <= to[1]; j += 2)
+            for (int i = from[0] + from[0] % 2; i <= to[0]; i += 2)
+                sum += fractionInside(quad, {landBegin(0, i), landBegin(1, j)}, {landEnd(0, i), landEnd(1, j)});
+        return sum;
+    }
+    double landBegin(Eigen::Index axis, int n) const { return n == 0 ? extent_.low[axis] : wall(axis, n - 1); }
+    double landEnd(Eigen::Index axis, int n) const {
+        return n == 2 * extent_.grooves[static_cast<std::size_t>(axis)] ? extent_.high[axis] : wall(axis, n);
+    }
+
     // Groove walls below `place` along one axis, counted from the rim: odd in a groove, even on a land.
     int wallsBelow(Eigen::Index axis, double place) const {
         const double from_rim = place - extent_.low[axis];
@@ -216,14 +326,34 @@ Image platePathLengths(const GroovedPlate& plate, PlateFacing facing, const CArm
     const Vector3 source = imager_from_plate.inverse().translation();
     const Matrix3 plate_from_imager = imager_from_plate.rotationMatrix().transpose();
     Image image(carm.columns, carm.rows);
-    parallelFor(static_cast<std::size_t>(carm.rows), kRowsPerPiece, [&](std::size_t begin, std::size_t end) {
+    const auto sampled = [&](int x, int y) {
+        return meanOverPixel(carm, x, y, options.samples_per_axis, [&](const Vector3& direction) {
+            if (!direction.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+            return rays.measure(source, plate_from_imager * direction) * direction.norm();
+        });
+    };
+    const auto cornerRow = [&](int y, std::vector<Vector3>& row) {
+        row.clear();
+        for (int x = 0; x <= carm.columns; ++x)
+            row.push_back(plate_from_imager * carm.detectorPoint({x - 0.5, y - 0.5}));
+    };
+    parallelFor(static_cast<std::size_t>(carm.rows), 4 * kRowsPerPiece, [&](std::size_t begin, std::size_t end) {
+        const bool averaged = options.samples_per_axis > 1;
+        std::vector<Vector3> above, below;  // corner rays of a row of pixels
+        if (averaged) cornerRow(static_cast<int>(begin), below);
         for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+            if (averaged) {
+                std::swap(above, below);
+                cornerRow(y + 1, below);
+            }
             for (int x = 0; x < carm.columns; ++x) {
-                image(x, y) = static_cast<float>(
-                    meanOverPixel(carm, x, y, options.samples_per_axis, [&](const Vector3& direction) {
-                        if (!direction.allFinite()) return std::numeric_limits<double>::quiet_NaN();
-                        return rays.measure(source, plate_from_imager * direction) * direction.norm();
-                    }));
+                const auto n = static_cast<std::size_t>(x);
+                std::optional<double> mean;
+                if (averaged) {
+                    const Quad<Vector3> corners{above[n], above[n + 1], below[n + 1], below[n]};
+                    mean = rays.mean(source, 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]), corners);
+                }
+                image(x, y) = static_cast<float>(mean ? *mean : sampled(x, y));
             }
         }
     });

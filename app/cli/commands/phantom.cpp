@@ -1,4 +1,4 @@
-// phantom: the built-in patients, generated as CT volumes.
+// phantom: the built-in patients, generated as CT volumes, and pictures of calibration objects (phantom_images.h).
 #include <memory>
 #include <optional>
 
@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/commands/list.h"
+#include "app/cli/commands/phantom_images.h"
 #include "app/cli/files.h"
 #include "core/base/units.h"
 #include "core/io/volume_file.h"
@@ -161,15 +162,17 @@ Command declareAcrylic(CLI::App& parent) {
 }  // namespace
 
 Command declarePhantom(CLI::App& parent) {
-    CLI::App* app = parent.add_subcommand("phantom", "Generate a built-in patient as a CT");
+    CLI::App* app =
+        parent.add_subcommand("phantom", "Generate a built-in patient as a CT, or a picture of a calibration object");
     app->fallthrough();
-    const std::vector<Command> kinds{declareFemur(*app), declareAcrylic(*app)};
+    const std::vector<Command> kinds{declareFemur(*app), declareAcrylic(*app), declarePhantomPlate(*app),
+                                     declarePhantomBeads(*app)};
     app->footer("`fluorocut-cli phantom femur --help` tells its options.");
     return {app, [kinds](Progress& progress) -> Result<Report> {
                 for (const Command& kind : kinds) {
                     if (kind.app->parsed()) return kind.run(progress);
                 }
-                return invalidOption("phantom", "no kind", "femur or acrylic", "see --help");
+                return invalidOption("phantom", "no kind", "femur, acrylic, plate or beads", "see --help");
             }};
 }
 
