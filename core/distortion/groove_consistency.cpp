@@ -21,8 +21,12 @@ constexpr double kUnevenness = 0.002;  // pitches: what a smooth map may deviate
 constexpr int kReach = 2;              // pitches
 constexpr int kMinNeighbours = 5;
 constexpr double kConnected = 1.6;         // pitches
-constexpr double kMaxGap = 5;              // pitches, across which an index may be carried
 constexpr double kMaxCarriedError = 0.25;  // pitches
+constexpr double kMaxCarriedSigma = 0.1;   // pitches
+constexpr std::size_t kMinPart = 8;
+constexpr double kMapSigma = 0.02;  // pitches: the true map is not the polynomial
+constexpr double kMaxSigma = 0.06;  // pitches, of a point: beyond it is of no use
+constexpr double kMaxStep = 0.1;    // pitches from the neighbours' plane, whatever the noise
 
 double median(std::vector<double>& values) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -202,7 +206,8 @@ void rejectUnlikely(std::vector<Segment>& segments) {
         if (segment.contrast < kFaintShare * usual) {
             segment.state = SegmentState::hidden;
         } else if (segment.contrast > kBrightShare * usual || segment.roughness > kMaxRoughness * roughness ||
-                   !(std::abs(segment.shift_px) < kMaxShift * segment.pitch_px)) {
+                   !(std::abs(segment.shift_px) < kMaxShift * segment.pitch_px) ||
+                   !(segment.sigma_px < kMaxSigma * segment.pitch_px)) {
             segment.state = SegmentState::doubtful;
         }
     }
@@ -219,33 +224,34 @@ void rejectDiscontinuous(std::vector<Segment>& segments) {
         for (std::size_t n = 0; n < segments.size(); ++n) {
             if (segments[n].state != SegmentState::found) continue;
             const Prediction& prediction = predictions[n];
-            const double limit = kMaxDeviation * std::sqrt(ownVariance(segments[n]) + prediction.variance);
+            const double limit =
+                std::min(kMaxStep, kMaxDeviation * std::sqrt(ownVariance(segments[n]) + prediction.variance));
             if (!prediction.possible || !(std::abs(prediction.difference) < limit))
                 segments[n].state = SegmentState::doubtful;
         }
     }
 }
 
-std::optional<LatticeMap> mapThrough(const std::vector<Segment>& segments, int max_order, const Vector2& center,
+std::optional<LatticeMap> mapThrough(const std::vector<Segment>& segments, const LatticeMap& map, const Vector2& center,
                                      double radius) {
     std::array<std::vector<LatticeSample>, 2> samples;
+    Vector2 sum = Vector2::Zero();
+    double count = 0;
     for (const Segment& segment : segments) {
         if (segment.state != SegmentState::found) continue;
         const double sigma = segment.sigma_px / segment.pitch_px;
-        // Not below half a percent of a pitch: the polynomial is not the truth.
         samples[static_cast<std::size_t>(segment.direction)].push_back(
-            {segment.point(), static_cast<double>(segment.index), 1 / (sigma * sigma + 0.005 * 0.005)});
+            {segment.point(), static_cast<double>(segment.index), 1 / (sigma * sigma + kMapSigma * kMapSigma)});
+        sum += segment.start;
+        ++count;
     }
-    for (int order = max_order; order >= 1; --order) {
-        if (static_cast<int>(std::min(samples[0].size(), samples[1].size())) < 4 * LatticeMap::coefficientCount(order))
-            continue;
-        LatticeMap map(order, center, radius);
-        if (map.fit(0, samples[0], 0.02) && map.fit(1, samples[1], 0.02)) return map;
-    }
-    return std::nullopt;
+    if (count == 0) return std::nullopt;
+    LatticeMap next(center, radius, map.place(sum / count).jacobian);
+    if (!next.fit(0, samples[0], 0.02) || !next.fit(1, samples[1], 0.02)) return std::nullopt;
+    return next;
 }
 
-int dropUncertainParts(std::vector<Segment>& segments, const Vector2& center, double radius) {
+int dropUncertainParts(std::vector<Segment>& segments, const LatticeMap& map, const Vector2& center, double radius) {
     std::map<std::pair<int, int>, std::vector<std::size_t>> cells;
     for (std::size_t n = 0; n < segments.size(); ++n) {
         if (segments[n].state != SegmentState::found) continue;
@@ -285,26 +291,17 @@ int dropUncertainParts(std::vector<Segment>& segments, const Vector2& center, do
     std::vector<Segment> main;
     for (const std::size_t n : parts[0])
         main.push_back(segments[n]);
-    const std::optional<LatticeMap> low = mapThrough(main, 2, center, radius),
-                                    high = mapThrough(main, 3, center, radius);
+    const std::optional<LatticeMap> by_main = mapThrough(main, map, center, radius);
     int dropped = 0;
     for (std::size_t p = 1; p < parts.size(); ++p) {
-        double gap = std::numeric_limits<double>::infinity();
-        for (const std::size_t n : parts[p])
-            for (const Segment& other : main)
-                gap = std::min(gap, (other.lattice() - segments[n].lattice()).norm());
-        bool certain = parts[p].size() >= 12 && gap < kMaxGap && low && high;
-        for (std::size_t k = 0; k < parts[p].size() && certain; ++k) {
-            const Segment& segment = segments[parts[p][k]];
-            double distance = std::numeric_limits<double>::infinity();
-            for (const Segment& other : main)
-                distance = std::min(distance, (other.lattice() - segment.lattice()).norm());
-            if (distance > gap + 1) continue;
-            const auto c = static_cast<Eigen::Index>(segment.direction);
-            const double by_low = low->at(segment.point())[c] - segment.index;
-            const double by_high = high->at(segment.point())[c] - segment.index;
-            certain = std::abs(by_low) < kMaxCarriedError && std::abs(by_high) < kMaxCarriedError;
-        }
+        const auto agrees = [&](std::size_t n) {
+            const Segment& segment = segments[n];
+            const double carried = by_main->at(segment.point())[segment.direction];
+            return std::abs(carried - segment.index) < kMaxCarriedError &&
+                   by_main->sigma(segment.direction, segment.point()) < kMaxCarriedSigma;
+        };
+        const bool certain =
+            by_main && parts[p].size() >= kMinPart && std::all_of(parts[p].begin(), parts[p].end(), agrees);
         if (certain) continue;
         for (const std::size_t n : parts[p])
             segments[n].state = SegmentState::doubtful;

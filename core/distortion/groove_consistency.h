@@ -22,12 +22,12 @@ void rejectUnlikely(std::vector<Segment>& segments);
 // scatter about the neighbours shows they must be.
 void rejectDiscontinuous(std::vector<Segment>& segments);
 
-// Segments hang together within 1.6 pitches. Parts cut off from the largest one become doubtful unless two polynomials
-// through the largest part put them, near the gap, clearly at the index they have. Returns how many were dropped.
-int dropUncertainParts(std::vector<Segment>& segments, const Vector2& center, double radius);
+// Segments hang together within 1.6 pitches. Parts cut off from the largest one become doubtful unless the map through
+// the largest part alone puts them, with certainty, at the number they have. Returns how many were dropped.
+int dropUncertainParts(std::vector<Segment>& segments, const LatticeMap& map, const Vector2& center, double radius);
 
-// Robust polynomial map through the found segments; nothing when they do not hold one.
-std::optional<LatticeMap> mapThrough(const std::vector<Segment>& segments, int max_order, const Vector2& center,
+// Robust map through the found segments, about what `map` has for its linear part; nothing when there are too few.
+std::optional<LatticeMap> mapThrough(const std::vector<Segment>& segments, const LatticeMap& map, const Vector2& center,
                                      double radius);
 
 }  // namespace fluorocut::grooves

@@ -24,12 +24,13 @@ using namespace grooves;
 constexpr char kWhere[] = "groove detection";
 constexpr int kMinSize = 64;               // px
 constexpr double kFirstHighPassPx = 20;    // of the image: lets pitches of up to 80 px through
-constexpr double kClip = 3;                // robust standard deviations
+constexpr double kLimit = 3;               // robust standard deviations
 constexpr double kMinLikeness = 0.85;      // of the folded cell to the plate's
 constexpr double kMinLikenessLead = 0.12;  // over any other reading of the same cell
 constexpr double kMinRepeatability = 0.5;
 constexpr double kFirstBlur = 0.045;     // pitches
 constexpr double kGrowPitches = 2.5;     // how far from what was found segments are looked for
+constexpr double kMaxMapSigma = 0.1;     // pitches: where the map is less certain nothing is looked for
 constexpr double kMaxPitchRatio = 1.12;  // between the two directions, at the middle of the found segments
 constexpr double kMaxSkewRad = 0.12;
 constexpr double kMaxPitchChange = 1.4;    // over the image, against its median
@@ -61,7 +62,7 @@ bool convincing(const FoldedCell& cell, std::size_t shift) {
 std::optional<Candidate> examine(const PreparedImage& image, const WavePair& waves, const GroovedPlate& plate,
                                  const GrooveDetectionOptions& options, Rejected& rejected) {
     const double period = 2 / (waves.first.norm() + waves.second.norm());  // coarse px
-    const Image high = highPassed(image, 0.75 * period, kClip);
+    const Image high = highPassed(image, 0.75 * period, kLimit);
     const std::optional<CoarseLattice> traced = traceLattice(high, image.coarse_lit, waves);
     if (!traced) return std::nullopt;
     for (const int harmonic : {1, 2}) {
@@ -70,7 +71,7 @@ std::optional<Candidate> examine(const PreparedImage& image, const WavePair& wav
         CoarseLattice lattice = *traced;
         lattice.map = traced->map.transformed(1.0 / harmonic, Vector2::Zero());
         const FoldedCell cell =
-            foldCell(harmonic == 1 ? high : highPassed(image, 0.75 * harmonic * period, kClip), lattice, plate);
+            foldCell(harmonic == 1 ? high : highPassed(image, 0.75 * harmonic * period, kLimit), lattice, plate);
         const std::size_t shift = harmonic == 1 ? 0 : cell.bestShift();
         if (convincing(cell, shift)) {
             lattice.map = lattice.map.transformed(
@@ -119,8 +120,9 @@ Error nothingFound(const WaveSearch& waves, const Rejected& rejected, int factor
                       expected, "Check that the plate is in the image; use more dose or take objects out of the beam");
 }
 
-// Places in the field, a third of a pitch apart, within `reach_px` of a found segment.
-std::vector<Vector2> placesNear(const std::vector<Segment>& segments, const PreparedImage& image, double pitch_px) {
+// Places in the field, a third of a pitch apart, near found segments, where the map is certain.
+std::vector<Vector2> placesNear(const std::vector<Segment>& segments, const PreparedImage& image, const LatticeMap& map,
+                                double pitch_px) {
     const double step = pitch_px / 3, reach_px = kGrowPitches * pitch_px;
     const int columns = static_cast<int>(image.log.width() / step) + 1;
     const int rows = static_cast<int>(image.log.height() / step) + 1;
@@ -142,7 +144,8 @@ std::vector<Vector2> placesNear(const std::vector<Segment>& segments, const Prep
             if (!near(x, y)) continue;
             const Vector2 place((x + 0.5) * step, (y + 0.5) * step);
             const int u = static_cast<int>(place.x()), v = static_cast<int>(place.y());
-            if (u < image.log.width() && v < image.log.height() && image.seen(u, v) != Seen::outside)
+            if (u < image.log.width() && v < image.log.height() && image.seen(u, v) != Seen::outside &&
+                std::max(map.sigma(0, place), map.sigma(1, place)) < kMaxMapSigma)
                 places.push_back(place);
         }
     }
@@ -324,7 +327,7 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
     std::optional<Candidate> candidate;
     Rejected rejected;
     WaveSearch waves;
-    const Image first_high = highPassed(*prepared, kFirstHighPassPx / factor, kClip);
+    const Image first_high = highPassed(*prepared, kFirstHighPassPx / factor, kLimit);
     for (const int patch : {128, 256}) {
         if (progress.isCancelled()) return cancelled(kWhere);
         WaveSearch search =
@@ -355,16 +358,16 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
     for (int pass = 0; pass < 2; ++pass) {
         if (progress.isCancelled()) return cancelled(kWhere);
         progress.report(0.65 + 0.15 * pass, "Measuring the grooves");
-        const std::optional<LatticeMap> next = mapThrough(segments, LatticeMap::kMaxOrder, center, radius);
+        const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius);
         if (!next) break;
         map = *next;
         shape.contrast = std::clamp(0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 1e-3, 2.0);
         if (pass == 0) shape.blur_px = findBlur(*prepared, map, shape, segments);
         segments =
-            segmentsNear(map, placesNear(segments, *prepared, candidate->pitch_px), image.width(), image.height());
+            segmentsNear(map, placesNear(segments, *prepared, map, candidate->pitch_px), image.width(), image.height());
         measureAndReject(*prepared, map, shape, segments);
     }
-    const int dropped = dropUncertainParts(segments, center, radius);
+    const int dropped = dropUncertainParts(segments, map, center, radius);
 
     GrooveDetection detection;
     std::vector<double> noises;
@@ -385,12 +388,7 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
                           "Check the plate file and that nothing else with a grid is in the beam");
     }
 
-    // Where the middle of the image is not covered, a stiffer map reaches it more safely.
-    const bool covered = std::any_of(segments.begin(), segments.end(), [&](const Segment& segment) {
-        return segment.state == SegmentState::found && (segment.start - center).norm() < 2 * segment.pitch_px;
-    });
-    const std::optional<LatticeMap> final_map =
-        mapThrough(segments, covered ? LatticeMap::kMaxOrder : 2, center, radius);
+    const std::optional<LatticeMap> final_map = mapThrough(segments, map, center, radius);
     if (!final_map) throw std::logic_error("groove detection: accepted segments hold no map");
     const LatticePlace middle = final_map->place(center);
 

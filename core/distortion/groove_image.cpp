@@ -182,7 +182,7 @@ Result<PreparedImage> prepare(const Image& image, double min_pitch_px) {
     return prepared;
 }
 
-Image highPassed(const PreparedImage& image, double sigma_coarse_px, double clip) {
+Image highPassed(const PreparedImage& image, double sigma_coarse_px, double limit) {
     Image lit_log = image.coarse;
     for (std::size_t n = 0; n < lit_log.size(); ++n)
         lit_log.pixels()[n] *= image.coarse_lit.pixels()[n];
@@ -197,9 +197,9 @@ Image highPassed(const PreparedImage& image, double sigma_coarse_px, double clip
         if (n % 11 == 0) magnitudes.push_back(std::abs(high.pixels()[n]));
     }
     if (magnitudes.empty()) return high;
-    const float limit = static_cast<float>(clip * 1.4826) * percentile(magnitudes, 0.5);
+    const float largest = static_cast<float>(limit * 1.4826) * percentile(magnitudes, 0.5);
     for (float& value : high.pixels())
-        value = std::clamp(value, -limit, limit);
+        if (std::abs(value) > largest) value = 0;
     return high;
 }
 

@@ -26,8 +26,8 @@ struct PreparedImage {
 // `min_pitch_px` above 4 of them. Fails with noSolution when nothing can be read.
 Result<PreparedImage> prepare(const Image& image, double min_pitch_px);
 
-// Log intensity minus its mean under a Gaussian over the lit part, clipped to +-`clip` of its robust standard
-// deviations; 0 where less than half of a coarse pixel is lit.
-Image highPassed(const PreparedImage& image, double sigma_coarse_px, double clip);
+// Log intensity minus its mean under a Gaussian over the lit part; 0 where less than half of a coarse pixel is lit, and
+// where it exceeds `limit` of its robust standard deviations: the flanks of bone and metal.
+Image highPassed(const PreparedImage& image, double sigma_coarse_px, double limit);
 
 }  // namespace fluorocut::grooves

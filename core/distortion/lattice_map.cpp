@@ -2,13 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <vector>
 
 #include <Eigen/Cholesky>
 
 namespace fluorocut::grooves {
 namespace {
+
+// Prior standard deviation of a coefficient, by degree, over the radius: the linear terms against the given Jacobian,
+// then bends of up to about twice those of a 9-inch intensifier of the 1980s (8 px of 256).
+constexpr std::array<double, LatticeMap::kOrder + 1> kPriorShare = {1e3, 0.15, 0.05, 0.06, 0.03, 0.03};
+
+constexpr int kIterations = 4;
 
 double median(std::vector<double>& values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -18,19 +23,28 @@ double median(std::vector<double>& values) {
 
 }  // namespace
 
-LatticeMap::LatticeMap(int order, const Vector2& center, double radius)
-    : order_(order), center_(center), radius_(radius) {
-    if (order < 0 || order > kMaxOrder) throw std::logic_error("LatticeMap: order outside 0 to 5");
-    for (auto& coefficients : coefficients_)
-        coefficients = Coefficients::Zero(coefficientCount(order));
+LatticeMap::LatticeMap(const Vector2& center, double radius, const Eigen::Matrix2d& jacobian)
+    : center_(center), radius_(radius) {
+    const double radius_pitches = radius * std::sqrt(std::abs(jacobian.determinant()));
+    for (int degree = 0, n = 0; degree <= kOrder; ++degree) {
+        const double sigma = kPriorShare[static_cast<std::size_t>(degree)] * radius_pitches;
+        for (int k = 0; k <= degree; ++k)
+            prior_precision_[n++] = 1 / (sigma * sigma);
+    }
+    for (std::size_t c = 0; c < 2; ++c) {
+        prior_mean_[c].setZero();
+        prior_mean_[c].segment<2>(1) = radius * jacobian.row(static_cast<Eigen::Index>(c)).transpose();
+        coefficients_[c] = prior_mean_[c];
+        covariance_[c] = prior_precision_.cwiseInverse().asDiagonal();
+    }
 }
 
 // 1, x, y, x^2, x y, y^2, ...
-LatticeMap::Coefficients LatticeMap::basis(const Vector2& pixel) const {
+LatticeMap::Terms LatticeMap::basis(const Vector2& pixel) const {
     const double x = (pixel.x() - center_.x()) / radius_, y = (pixel.y() - center_.y()) / radius_;
-    Coefficients terms(coefficientCount(order_));
+    Terms terms;
     terms[0] = 1;
-    for (int degree = 1, n = 1; degree <= order_; ++degree) {
+    for (int degree = 1, n = 1; degree <= kOrder; ++degree) {
         const int before = n - degree;  // first term of the degree below
         for (int k = 0; k < degree; ++k)
             terms[n++] = terms[before + k] * x;
@@ -41,36 +55,36 @@ LatticeMap::Coefficients LatticeMap::basis(const Vector2& pixel) const {
 }
 
 bool LatticeMap::fit(int coordinate, std::span<const LatticeSample> samples, double least_cut) {
-    const int count = coefficientCount(order_);
-    if (static_cast<int>(samples.size()) < 2 * count) return false;
-    std::vector<Coefficients> rows(samples.size());
+    if (samples.size() < 6) return false;
+    const auto c = static_cast<std::size_t>(coordinate);
+    std::vector<Terms> rows(samples.size());
     std::transform(samples.begin(), samples.end(), rows.begin(),
                    [&](const auto& sample) { return basis(sample.pixel); });
-    std::vector<double> weights(samples.size()), residuals(samples.size());
+    std::vector<double> weights(samples.size()), residuals(samples.size()), magnitudes(samples.size());
     for (std::size_t n = 0; n < samples.size(); ++n)
         weights[n] = samples[n].weight;
-    Coefficients& coefficients = coefficients_[static_cast<std::size_t>(coordinate)];
-    for (int iteration = 0; iteration < 5; ++iteration) {
-        Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(count, count);
-        Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
-        double sum = 0;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+        Square normal = Square::Zero();
+        Terms right = prior_precision_.cwiseProduct(prior_mean_[c]);
         for (std::size_t n = 0; n < samples.size(); ++n) {
             if (weights[n] <= 0) continue;
-            normal.selfadjointView<Eigen::Lower>().rankUpdate(rows[n], weights[n]);
-            right += weights[n] * samples[n].value * rows[n];
-            sum += weights[n];
+            const Terms weighted = weights[n] * rows[n];
+            for (int k = 0; k < kTerms; ++k)
+                normal.col(k).tail(kTerms - k) += weighted[k] * rows[n].tail(kTerms - k);
+            right += samples[n].value * weighted;
         }
-        if (!(sum > 0)) return false;
-        normal.diagonal().array() += 1e-10 * sum;
-        const Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower> solver(normal);
+        normal.diagonal() += prior_precision_;
+        const Eigen::LLT<Square, Eigen::Lower> solver(normal);
         if (solver.info() != Eigen::Success) return false;
-        coefficients = solver.solve(right);
-        if (!coefficients.allFinite()) return false;
-        std::vector<double> magnitudes;
-        magnitudes.reserve(samples.size());
+        coefficients_[c] = solver.solve(right);
+        if (!coefficients_[c].allFinite()) return false;
+        if (iteration + 1 == kIterations) {
+            covariance_[c] = solver.solve(Square::Identity());
+            break;
+        }
         for (std::size_t n = 0; n < samples.size(); ++n) {
-            residuals[n] = samples[n].value - rows[n].dot(coefficients);
-            magnitudes.push_back(std::abs(residuals[n]));
+            residuals[n] = samples[n].value - rows[n].dot(coefficients_[c]);
+            magnitudes[n] = std::abs(residuals[n]);
         }
         const double cut = std::max(4 * 1.4826 * median(magnitudes), least_cut);
         for (std::size_t n = 0; n < samples.size(); ++n) {
@@ -81,11 +95,17 @@ bool LatticeMap::fit(int coordinate, std::span<const LatticeSample> samples, dou
     return true;
 }
 
+double LatticeMap::sigma(int coordinate, const Vector2& pixel) const {
+    const Terms terms = basis(pixel);
+    return std::sqrt(std::max(0.0, terms.dot(covariance_[static_cast<std::size_t>(coordinate)] * terms)));
+}
+
 LatticeMap LatticeMap::transformed(double scale, const Vector2& shift) const {
     LatticeMap result = *this;
     for (std::size_t c = 0; c < 2; ++c) {
         result.coefficients_[c] *= scale;
         result.coefficients_[c][0] += shift[static_cast<Eigen::Index>(c)];
+        result.covariance_[c] *= scale * scale;
     }
     return result;
 }
@@ -98,21 +118,21 @@ LatticeMap LatticeMap::magnified(int factor) const {
 }
 
 Vector2 LatticeMap::at(const Vector2& pixel) const {
-    const Coefficients terms = basis(pixel);
+    const Terms terms = basis(pixel);
     return {terms.dot(coefficients_[0]), terms.dot(coefficients_[1])};
 }
 
 LatticePlace LatticeMap::place(const Vector2& pixel) const {
     const double x = (pixel.x() - center_.x()) / radius_, y = (pixel.y() - center_.y()) / radius_;
-    std::array<double, kMaxOrder + 1> px, py;
+    std::array<double, kOrder + 1> px, py;
     px[0] = py[0] = 1;
-    for (std::size_t n = 1; n <= kMaxOrder; ++n) {
+    for (std::size_t n = 1; n <= kOrder; ++n) {
         px[n] = px[n - 1] * x;
         py[n] = py[n - 1] * y;
     }
     LatticePlace place;
     int n = 0;
-    for (int degree = 0; degree <= order_; ++degree) {
+    for (int degree = 0; degree <= kOrder; ++degree) {
         for (int b = 0; b <= degree; ++b, ++n) {  // x^a y^b
             const int a = degree - b;
             const auto ua = static_cast<std::size_t>(a), ub = static_cast<std::size_t>(b);

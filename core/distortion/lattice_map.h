@@ -1,5 +1,10 @@
-// LatticeMap: where a pixel lies in the lattice of grooves, in pitches, as two polynomials in the pixel. The coarse
-// model that detection grows and steps along; not the model of the distortion.
+// LatticeMap: where a pixel lies in the lattice of grooves, in pitches, as two polynomials of degree 5 in the pixel.
+// The coarse model that detection grows and steps along; not the model of the distortion.
+//
+// A polynomial of degree 5 through half a field knows nothing of the other half, unless it is told how images bend.
+// The coefficients therefore have a prior: normal, of mean zero above the linear terms, of the size that image
+// intensifiers show (a few percent of the field's radius at the rim). What the map says far from its samples is then
+// the most plausible, and `sigma` says how plausible: whether a groove seen beyond a gap can be numbered.
 #pragma once
 
 #include <array>
@@ -27,14 +32,18 @@ struct LatticePlace {
 
 class LatticeMap {
   public:
-    static constexpr int kMaxOrder = 5;
+    static constexpr int kOrder = 5;
+    static constexpr int kTerms = (kOrder + 1) * (kOrder + 2) / 2;
 
-    // Polynomials of total degree up to `order` in (pixel - center) / radius.
-    LatticeMap(int order, const Vector2& center, double radius);
+    // Polynomials in (pixel - center) / radius. `jacobian`: d lattice / d pixel as far as it is known (to about 15 %).
+    LatticeMap(const Vector2& center, double radius, const Eigen::Matrix2d& jacobian);
 
-    // Robust least squares (Tukey's weights, cut at `cut` robust standard deviations, at least `least_cut`) of one
-    // coordinate. False when the samples cannot hold a polynomial of this order.
+    // Robust least squares (Tukey's weights, cut at 4 robust standard deviations, at least `least_cut`) of one
+    // coordinate; weights are inverse variances (per pitch^2). False when there is nothing to fit.
     bool fit(int coordinate, std::span<const LatticeSample> samples, double least_cut);
+
+    // Standard deviation of a value, pitches, as the prior and the samples leave it.
+    double sigma(int coordinate, const Vector2& pixel) const;
 
     // All values times `scale`, plus `shift`.
     LatticeMap transformed(double scale, const Vector2& shift) const;
@@ -46,19 +55,18 @@ class LatticeMap {
     // Newton from `start`; nothing when that leaves the neighbourhood of `start` (3 pitches) or does not settle.
     std::optional<Vector2> pixelOf(const Vector2& lattice, const Vector2& start) const;
 
-    int order() const { return order_; }
-
-    static int coefficientCount(int order) { return (order + 1) * (order + 2) / 2; }
-
   private:
-    using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, (kMaxOrder + 1) * (kMaxOrder + 2) / 2, 1>;
+    using Terms = Eigen::Matrix<double, kTerms, 1>;
+    using Square = Eigen::Matrix<double, kTerms, kTerms>;
 
-    Coefficients basis(const Vector2& pixel) const;
+    Terms basis(const Vector2& pixel) const;
 
-    int order_;
     Vector2 center_;
     double radius_;
-    std::array<Coefficients, 2> coefficients_;
+    std::array<Terms, 2> prior_mean_;
+    Terms prior_precision_;
+    std::array<Terms, 2> coefficients_;
+    std::array<Square, 2> covariance_;
 };
 
 }  // namespace fluorocut::grooves

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <queue>
+#include <optional>
 
 #include "core/base/parallel.h"
 #include "core/image/blur.h"
@@ -15,11 +15,23 @@ namespace {
 
 constexpr double kNodesPerPitch = 5;
 constexpr double kWindowPitches = 1.0;  // sigma of the Gaussian in which a phase is measured
+constexpr double kNoisePitches = 1.0;   // the same for the noise
 constexpr double kMinClarity = 3.0;
-constexpr double kMaxPhaseStep = 0.12;     // cycles, between neighbouring nodes, against the carrier waves
-constexpr double kMaxNodeResidual = 0.15;  // pitches, against the map
-constexpr std::size_t kMaxFitNodes = 2000;
-constexpr std::size_t kMinNodes = 150;  // 6 square pitches
+constexpr double kMaxPhaseStep = 0.05;        // cycles, between neighbouring nodes, against the carrier waves
+constexpr double kSeedPitches = 2.5;          // half the side of the first patch
+constexpr double kRingPitches = 1.0;          // how far growth extrapolates
+constexpr double kJumpPitches = 6.0;          // the same when nothing is left nearer
+constexpr double kMaxPredictionSigma = 0.11;  // pitches: four of these are less than half a pitch
+constexpr double kNodeSigma = 0.04;           // pitches, of a node's phase, the bend beyond a polynomial included
+constexpr double kMaxNodeMisfit = 0.2;        // pitches, of a new node
+constexpr double kMaxNodeResidual = 0.12;     // pitches, of a node that stays
+constexpr double kMaxBend = 0.3;              // of the map's waves against the carriers, in their length
+constexpr double kMaxSlopeError = 0.12;       // cycles, between nodes 4 apart
+constexpr std::size_t kMaxFitNodes = 700;
+constexpr std::size_t kMinNodes = 500;  // 20 square pitches
+constexpr int kMaxSteps = 80;
+constexpr int kSeeds = 3;
+constexpr double kEnoughShare = 0.4;  // of the lit nodes: no other seed is tried
 
 struct Node {
     std::array<float, 2> phase = {0, 0};  // cycles, of the demodulated waves
@@ -80,6 +92,13 @@ NodeGrid analyse(const Image& high, const Image& lit, const WavePair& waves) {
     // Waves of the same length along the diagonals: the lattice has none, so what is seen there is noise and objects.
     const auto between = demodulated(high, grid, std::sqrt(0.5) * (waves.first + waves.second));
     const auto aside = demodulated(high, grid, std::sqrt(0.5) * (waves.first - waves.second));
+    Image other(grid.columns, grid.rows);
+    for (std::size_t n = 0; n < other.size(); ++n) {
+        for (const auto* wave : {&between, &aside})
+            for (const Image& part : *wave)
+                other.pixels()[n] += 0.5f * part.pixels()[n] * part.pixels()[n];
+    }
+    other = gaussianBlurred(other, kNoisePitches * kNodesPerPitch);
     std::vector<float> others;
     for (int y = 0; y < grid.rows; ++y) {
         for (int x = 0; x < grid.columns; ++x) {
@@ -89,10 +108,8 @@ NodeGrid analyse(const Image& high, const Image& lit, const WavePair& waves) {
                     lit_pixels += lit(x * grid.block + a, y * grid.block + b) > 0.5f;
             Node& node = grid.at(x, y);
             node.lit = 2 * lit_pixels > grid.block * grid.block;
-            const float other =
-                std::sqrt(0.5f * (between[0](x, y) * between[0](x, y) + between[1](x, y) * between[1](x, y) +
-                                  aside[0](x, y) * aside[0](x, y) + aside[1](x, y) * aside[1](x, y)));
-            if (node.lit) others.push_back(other);
+            if (!node.lit) continue;
+            others.push_back(std::sqrt(std::max(0.0f, other(x, y))));
             node.clarity =
                 std::min(std::hypot(first[0](x, y), first[1](x, y)), std::hypot(second[0](x, y), second[1](x, y)));
             const float turn = 1 / (2 * std::numbers::pi_v<float>);
@@ -103,103 +120,236 @@ NodeGrid analyse(const Image& high, const Image& lit, const WavePair& waves) {
     if (others.empty()) return grid;
     const auto middle = others.begin() + static_cast<std::ptrdiff_t>(others.size() / 2);
     std::nth_element(others.begin(), middle, others.end());
-    const float noise = std::max(*middle, 1e-12f);
-    for (Node& node : grid.nodes)
-        node.clarity = node.lit ? node.clarity / noise : 0;
+    const float least = std::max(0.5f * *middle, 1e-12f);
+    for (std::size_t n = 0; n < grid.nodes.size(); ++n)
+        grid.nodes[n].clarity /= std::max(std::sqrt(std::max(0.0f, other.pixels()[n])), least);
     return grid;
 }
 
-// Unwraps from the clearest node outward, clearest first; phases then need no wrapping anywhere in the part reached.
-std::vector<std::pair<int, int>> grow(NodeGrid& grid) {
-    std::pair<int, int> seed{0, 0};
-    double best = 0;
-    for (int y = 1; y + 1 < grid.rows; ++y) {
-        for (int x = 1; x + 1 < grid.columns; ++x) {
-            if (static_cast<double>(grid.at(x, y).clarity) <= best) continue;
-            best = static_cast<double>(grid.at(x, y).clarity);
-            seed = {x, y};
-        }
-    }
-    std::vector<std::pair<int, int>> reached;
-    if (best < kMinClarity) return reached;
-    using Entry = std::tuple<float, int, int>;  // ties are settled by place: the same on every machine
-    std::priority_queue<Entry> open;
-    grid.at(seed.first, seed.second).reached = true;
-    open.emplace(grid.at(seed.first, seed.second).clarity, seed.first, seed.second);
-    while (!open.empty()) {
-        const auto [clarity, x, y] = open.top();
-        open.pop();
-        reached.emplace_back(x, y);
-        const Node& from = grid.at(x, y);
-        for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
-            const int nx = x + dx, ny = y + dy;
-            if (nx < 0 || ny < 0 || nx >= grid.columns || ny >= grid.rows) continue;
-            Node& to = grid.at(nx, ny);
-            if (to.reached || static_cast<double>(to.clarity) < kMinClarity) continue;
-            bool smooth = true;
-            std::array<float, 2> phase{};
-            for (std::size_t c = 0; c < 2; ++c) {
-                const float step = to.phase[c] - from.phase[c];
-                const float wrapped = step - std::round(step);
-                smooth = smooth && std::abs(wrapped) < static_cast<float>(kMaxPhaseStep);
-                phase[c] = from.phase[c] + wrapped;
-            }
-            if (!smooth) continue;
-            to.phase = phase;
-            to.reached = true;
-            open.emplace(to.clarity, nx, ny);
-        }
-    }
-    return reached;
+float wrapped(float cycles) {
+    return cycles - std::round(cycles);
 }
+
+// Grows the lattice over the nodes. A node's phase is only known up to whole cycles; which, is settled by a polynomial
+// through the nodes taken so far, extrapolated by no more than a pitch at a time, so that no path through noise or
+// along an edge can slip a cycle. The order rises with the size of the part that is covered.
+class Growth {
+  public:
+    Growth(NodeGrid& grid, const WavePair& waves, const Vector2& center, double radius)
+        : grid_(grid), waves_(waves), center_(center), radius_(radius) {}
+
+    // From the clearest node that has not been taken. Returns the number of nodes taken.
+    std::size_t growFrom(int seed_x, int seed_y) {
+        takeSeed(seed_x, seed_y);
+        for (int step = 0; step < kMaxSteps && refit(); ++step) {
+            if (step % 4 == 3) prune();
+            if (takeRing(kRingPitches) == 0 && takeRing(kJumpPitches) == 0) break;
+        }
+        prune();
+        return taken_.size();
+    }
+
+    std::vector<PhaseNode> nodes() const {
+        std::vector<PhaseNode> result;
+        for (const auto& [x, y] : taken_)
+            result.push_back({grid_.pixel(x, y), latticeAt(x, y), static_cast<double>(grid_.at(x, y).clarity)});
+        return result;
+    }
+    const std::optional<LatticeMap>& map() const { return map_; }
+
+  private:
+    // A demodulated phase of 0 at the origin of the carrier wave: a bright line where wave . pixel + phase is whole.
+    Vector2 latticeAt(int x, int y) const {
+        const Vector2 pixel = grid_.pixel(x, y);
+        const Node& node = grid_.at(x, y);
+        return {waves_.first.dot(pixel) + static_cast<double>(node.phase[0]),
+                waves_.second.dot(pixel) + static_cast<double>(node.phase[1])};
+    }
+
+    // Around the seed, phases of neighbours differ little.
+    void takeSeed(int seed_x, int seed_y) {
+        const int reach = static_cast<int>(kSeedPitches * kNodesPerPitch);
+        taken_.emplace_back(seed_x, seed_y);
+        grid_.at(seed_x, seed_y).reached = true;
+        for (std::size_t n = 0; n < taken_.size(); ++n) {
+            const auto [x, y] = taken_[n];
+            for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
+                const int nx = x + dx, ny = y + dy;
+                if (nx < 0 || ny < 0 || nx >= grid_.columns || ny >= grid_.rows) continue;
+                if (std::abs(nx - seed_x) > reach || std::abs(ny - seed_y) > reach) continue;
+                Node& to = grid_.at(nx, ny);
+                if (to.reached || static_cast<double>(to.clarity) < kMinClarity) continue;
+                const Node& from = grid_.at(x, y);
+                const float first = wrapped(to.phase[0] - from.phase[0]), second = wrapped(to.phase[1] - from.phase[1]);
+                if (std::max(std::abs(first), std::abs(second)) > static_cast<float>(kMaxPhaseStep)) continue;
+                to.phase = {from.phase[0] + first, from.phase[1] + second};
+                to.reached = true;
+                taken_.emplace_back(nx, ny);
+            }
+        }
+    }
+
+    bool refit() {
+        Eigen::Matrix2d carriers;
+        carriers << waves_.first.transpose(), waves_.second.transpose();
+        LatticeMap next(center_, radius_, carriers);
+        const std::size_t step = (taken_.size() + kMaxFitNodes - 1) / kMaxFitNodes;
+        // Nodes that share a Gaussian window tell the same.
+        const double nodes_per_window = 4 * std::numbers::pi * std::pow(kWindowPitches * kNodesPerPitch, 2);
+        const double weight = static_cast<double>(step) / (std::max(1.0, nodes_per_window) * kNodeSigma * kNodeSigma);
+        for (int c = 0; c < 2; ++c) {
+            std::vector<LatticeSample> samples;
+            for (std::size_t n = 0; n < taken_.size(); n += step) {
+                const auto& [x, y] = taken_[n];
+                samples.push_back({grid_.pixel(x, y), latticeAt(x, y)[c], weight});
+            }
+            if (!next.fit(c, samples, kMaxNodeResidual)) return false;
+        }
+        map_ = next;
+        return true;
+    }
+
+    // Difference between what a node shows and what the map says, each within half a cycle.
+    Vector2 misfit(int x, int y, const Vector2& predicted) const {
+        const Vector2 difference = latticeAt(x, y) - predicted;
+        return difference - difference.array().round().matrix();
+    }
+
+    // The phase must not only fit the map but change with place as the map says, and the map not stray far from the
+    // carrier waves: without this, a map gone astray finds nodes that happen to fit.
+    bool agreesInSlope(int x, int y, const Eigen::Matrix2d& jacobian) const {
+        Eigen::Matrix2d bend = jacobian;
+        bend.row(0) -= waves_.first.transpose();
+        bend.row(1) -= waves_.second.transpose();
+        if (!(bend.cwiseAbs().maxCoeff() * grid_.block * kNodesPerPitch < kMaxBend)) return false;
+        constexpr int kStep = 2;
+        for (const auto& [dx, dy] : {std::pair{kStep, 0}, {0, kStep}}) {
+            const int xa = std::max(0, x - dx), xb = std::min(grid_.columns - 1, x + dx);
+            const int ya = std::max(0, y - dy), yb = std::min(grid_.rows - 1, y + dy);
+            const Vector2 expected = bend * Vector2((xb - xa) * grid_.block, (yb - ya) * grid_.block);
+            for (std::size_t c = 0; c < 2; ++c) {
+                const float seen = wrapped(grid_.at(xb, yb).phase[c] - grid_.at(xa, ya).phase[c]);
+                if (!(std::abs(static_cast<double>(seen) - expected[static_cast<Eigen::Index>(c)]) < kMaxSlopeError))
+                    return false;
+            }
+        }
+        return true;
+    }
+
+    // Takes clear nodes within `pitches` of what is taken that agree with the map. Returns how many.
+    std::size_t takeRing(double pitches) {
+        const int reach = static_cast<int>(pitches * kNodesPerPitch);
+        std::vector<int> columns(static_cast<std::size_t>(grid_.columns) * static_cast<std::size_t>(grid_.rows), 0);
+        // Square neighbourhoods by two running passes.
+        const auto place = [&](int x, int y) { return static_cast<std::size_t>(y * grid_.columns + x); };
+        for (int y = 0; y < grid_.rows; ++y) {
+            int last = -reach - 1;
+            for (int x = 0; x < grid_.columns; ++x) {
+                if (grid_.at(x, y).reached) last = x;
+                if (x - last <= reach) columns[place(x, y)] = 1;
+            }
+            last = grid_.columns + reach;
+            for (int x = grid_.columns - 1; x >= 0; --x) {
+                if (grid_.at(x, y).reached) last = x;
+                if (last - x <= reach) columns[place(x, y)] = 1;
+            }
+        }
+        std::vector<std::pair<int, int>> fresh;
+        for (int x = 0; x < grid_.columns; ++x) {
+            std::vector<int> near(static_cast<std::size_t>(grid_.rows), 0);
+            int last = -reach - 1;
+            for (int y = 0; y < grid_.rows; ++y) {
+                if (columns[place(x, y)]) last = y;
+                if (y - last <= reach) near[static_cast<std::size_t>(y)] = 1;
+            }
+            last = grid_.rows + reach;
+            for (int y = grid_.rows - 1; y >= 0; --y) {
+                if (columns[place(x, y)]) last = y;
+                if (last - y <= reach) near[static_cast<std::size_t>(y)] = 1;
+                Node& node = grid_.at(x, y);
+                if (!near[static_cast<std::size_t>(y)] || node.reached ||
+                    static_cast<double>(node.clarity) < kMinClarity)
+                    continue;
+                const LatticePlace there = map_->place(grid_.pixel(x, y));
+                const Vector2& predicted = there.lattice;
+                const Vector2 miss = misfit(x, y, predicted);
+                if (!(miss.cwiseAbs().maxCoeff() < kMaxNodeMisfit) || !agreesInSlope(x, y, there.jacobian)) continue;
+                const Vector2 pixel = grid_.pixel(x, y);
+                if (!(std::max(map_->sigma(0, pixel), map_->sigma(1, pixel)) < kMaxPredictionSigma)) continue;
+                const Vector2 cycles = predicted + miss - latticeAt(x, y);
+                node.phase[0] += static_cast<float>(std::round(cycles.x()));
+                node.phase[1] += static_cast<float>(std::round(cycles.y()));
+                fresh.emplace_back(x, y);
+            }
+        }
+        for (const auto& [x, y] : fresh)
+            grid_.at(x, y).reached = true;
+        taken_.insert(taken_.end(), fresh.begin(), fresh.end());
+        return fresh.size();
+    }
+
+    // Gives back nodes that the map, now knowing more, contradicts.
+    void prune() {
+        if (!map_) return;
+        const auto contradicted = [&](const std::pair<int, int>& at) {
+            const Vector2 miss = latticeAt(at.first, at.second) - map_->at(grid_.pixel(at.first, at.second));
+            return !(miss.cwiseAbs().maxCoeff() < kMaxNodeResidual);
+        };
+        const auto kept =
+            std::stable_partition(taken_.begin(), taken_.end(), [&](const auto& at) { return !contradicted(at); });
+        for (auto at = kept; at != taken_.end(); ++at)
+            grid_.at(at->first, at->second).reached = false;
+        taken_.erase(kept, taken_.end());
+    }
+
+    NodeGrid& grid_;
+    WavePair waves_;
+    Vector2 center_;
+    double radius_;
+    std::vector<std::pair<int, int>> taken_;
+    std::optional<LatticeMap> map_;
+};
 
 }  // namespace
 
 std::optional<CoarseLattice> traceLattice(const Image& high, const Image& lit, const WavePair& waves) {
     NodeGrid grid = analyse(high, lit, waves);
-    const std::vector<std::pair<int, int>> reached = grow(grid);
-    if (reached.size() < kMinNodes) return std::nullopt;
-
-    std::vector<PhaseNode> nodes;
-    for (const auto& [x, y] : reached) {
-        const Vector2 pixel = grid.pixel(x, y);
-        const Node& node = grid.at(x, y);
-        // A demodulated phase of 0 at the origin of the carrier wave: a bright line where wave . pixel + phase is
-        // whole.
-        nodes.push_back({pixel,
-                         {waves.first.dot(pixel) + static_cast<double>(node.phase[0]),
-                          waves.second.dot(pixel) + static_cast<double>(node.phase[1])},
-                         static_cast<double>(node.clarity)});
-    }
     const Vector2 center(0.5 * (high.width() - 1), 0.5 * (high.height() - 1));
     const double radius = 0.5 * std::max(high.width(), high.height());
-    std::optional<LatticeMap> map;
-    const std::size_t step = (nodes.size() + kMaxFitNodes - 1) / kMaxFitNodes;
-    for (int order = 1; order <= LatticeMap::kMaxOrder; ++order) {
-        LatticeMap next(order, center, radius);
-        bool good = true;
-        for (int c = 0; c < 2 && good; ++c) {
-            std::vector<LatticeSample> samples;
-            for (std::size_t n = 0; n < nodes.size(); n += step)
-                samples.push_back({nodes[n].pixel, nodes[n].lattice[c], std::min(nodes[n].clarity, 30.0)});
-            // A wide cut at first: a plane through a bent lattice is off by a good part of a pitch.
-            good = static_cast<int>(samples.size()) > 4 * LatticeMap::coefficientCount(order) &&
-                   next.fit(c, samples, order < 3 ? 1.0 : kMaxNodeResidual);
+    const auto lit_nodes = static_cast<double>(
+        std::count_if(grid.nodes.begin(), grid.nodes.end(), [](const Node& node) { return node.lit; }));
+
+    // The clearest place may be an object's own pattern: then another seed gets further.
+    std::optional<CoarseLattice> best;
+    Mask tried(grid.columns, grid.rows);
+    for (int attempt = 0; attempt < kSeeds; ++attempt) {
+        std::pair<int, int> seed{0, 0};
+        float clearest = static_cast<float>(kMinClarity);
+        for (int y = 0; y < grid.rows; ++y) {
+            for (int x = 0; x < grid.columns; ++x) {
+                if (tried(x, y) || grid.at(x, y).clarity <= clearest) continue;
+                clearest = grid.at(x, y).clarity;
+                seed = {x, y};
+            }
         }
-        if (!good) break;
-        map = next;
+        if (clearest <= static_cast<float>(kMinClarity)) break;
+        Growth growth(grid, waves, center, radius);
+        const std::size_t count = growth.growFrom(seed.first, seed.second);
+        if (count >= kMinNodes && (!best || count > best->nodes.size())) {
+            best = CoarseLattice{*growth.map(), growth.nodes(), static_cast<double>(grid.block),
+                                 static_cast<double>(count) / lit_nodes};
+        }
+        if (best && best->lit_share > kEnoughShare) break;
+        for (std::size_t n = 0; n < grid.nodes.size(); ++n) {
+            if (grid.nodes[n].reached) tried.pixels()[n] = 1;
+            grid.nodes[n].reached = false;
+        }
+        const int reach = static_cast<int>(kSeedPitches * kNodesPerPitch);
+        for (int y = std::max(0, seed.second - reach); y <= std::min(grid.rows - 1, seed.second + reach); ++y)
+            for (int x = std::max(0, seed.first - reach); x <= std::min(grid.columns - 1, seed.first + reach); ++x)
+                tried(x, y) = 1;
     }
-    if (!map) return std::nullopt;
-    CoarseLattice lattice{*map, {}, static_cast<double>(grid.block), 0};
-    for (const PhaseNode& node : nodes)
-        if ((map->at(node.pixel) - node.lattice).cwiseAbs().maxCoeff() < kMaxNodeResidual)
-            lattice.nodes.push_back(node);
-    const auto lit_nodes =
-        std::count_if(grid.nodes.begin(), grid.nodes.end(), [](const Node& node) { return node.lit; });
-    lattice.lit_share =
-        static_cast<double>(lattice.nodes.size()) / static_cast<double>(std::max<std::ptrdiff_t>(1, lit_nodes));
-    if (lattice.nodes.size() < kMinNodes) return std::nullopt;
-    return lattice;
+    return best;
 }
 
 namespace {
