@@ -10,11 +10,13 @@
 #include <fmt/format.h>
 
 #include "core/distortion/models/groove_data.h"
+#include "core/distortion/models/table_model.h"
 
 namespace fluorocut {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFallbacsteps = 64;    // of the table that stands in for a model with holes
 constexpr double kMarginPitches = 0.5;  // of the support beyond the outermost points
 
 }  // namespace
@@ -25,6 +27,40 @@ DistortionMap::DistortionMap(DistortionMapParts parts) : parts_(std::move(parts)
         throw std::logic_error("DistortionMap: a part is missing");
     }
     rotation_ = parts_.detector_from_plate.rotation();
+}
+
+Result<DistortionMap> DistortionMap::create(DistortionMapParts parts) {
+    DistortionMap map(std::move(parts));
+    const DistortionModel& model = map.model();
+    if (model.answersEverywhere()) return map;
+    map.fallback_ = TableModel::sampled(
+        map.columns(), map.rows(), std::max(map.columns(), map.rows()) / kFallbacsteps,
+        [&](const Vector2& pixel) { return model.plateFromPixel(pixel); },
+        [](const Vector2&) { return Matrix2::Zero(); });
+    if (!map.fallback_) {
+        return noSolution("distortion model " + std::string(model.name()),
+                          "an answer for less than a fifth of the image", "more",
+                          "show more of the plate, or take the model \"polynomial\"");
+    }
+    return map;
+}
+
+DistortionMap DistortionMap::measured(std::optional<CArmPosition> position, std::string measured_at) const {
+    DistortionMap map = *this;
+    map.parts_.position = std::move(position);
+    map.parts_.measured_at = std::move(measured_at);
+    return map;
+}
+
+// Shift to (0, 0) and turn to the identity in the middle of the image.
+void DistortionMap::placeDetector(double pixel_mm) {
+    const Matrix2 jacobian = rotation_.transpose() * detectorJacobian(middle());
+    // The rotation closest to J is that by atan2(J21 - J12, J11 + J22); it is undone.
+    PlaneMotion& motion = parts_.detector_from_plate;
+    motion.rotation_rad = -std::atan2(jacobian(1, 0) - jacobian(0, 1), jacobian(0, 0) + jacobian(1, 1));
+    motion.shift_mm = -(motion.rotation() * plateFromPixel(middle()));
+    rotation_ = motion.rotation();
+    parts_.pixel_mm = std::isnan(pixel_mm) ? std::sqrt(std::abs(jacobian.determinant())) : pixel_mm;
 }
 
 bool DistortionMap::covers(const Vector2& pixel, double margin_px) const {
@@ -128,23 +164,11 @@ std::vector<Vector2> usedPixels(const std::vector<GroovePoint>& points, const st
     return pixels;
 }
 
-// Shift to (0, 0) and turn to the identity in the middle of the image; gives the local scale.
-double placeDetector(DistortionMapParts& parts) {
-    parts.detector_from_plate = {};
-    const DistortionMap plate(parts);
-    const Matrix2 jacobian = plate.detectorJacobian(plate.middle());
-    // The rotation closest to J is that by atan2(J21 - J12, J11 + J22); it is undone.
-    PlaneMotion& motion = parts.detector_from_plate;
-    motion.rotation_rad = -std::atan2(jacobian(1, 0) - jacobian(0, 1), jacobian(0, 0) + jacobian(1, 1));
-    motion.shift_mm = -(motion.rotation() * plate.plateFromPixel(plate.middle()));
-    return std::sqrt(std::abs(jacobian.determinant()));
-}
-
 double coverage(const DistortionMap& map) {
-    constexpr int kStep = 4;
+    const int step = std::max(1, std::max(map.columns(), map.rows()) / 100);
     int covered = 0, all = 0;
-    for (int y = kStep / 2; y < map.rows(); y += kStep) {
-        for (int x = kStep / 2; x < map.columns(); x += kStep, ++all)
+    for (int y = step / 2; y < map.rows(); y += step) {
+        for (int x = step / 2; x < map.columns(); x += step, ++all)
             covered += map.covers(Vector2(x, y));
     }
     return all == 0 ? kNaN : static_cast<double>(covered) / all;
@@ -171,7 +195,7 @@ Result<void> requireSound(const DistortionMap& map) {
     return {};
 }
 
-DistortionQuality measured(const DistortionMap& map, const GroovePoints& points, const FittedModel& fitted) {
+DistortionQuality qualityOf(const DistortionMap& map, const GroovePoints& points, const FittedModel& fitted) {
     DistortionQuality quality;
     quality.warnings = fitted.warnings;
     quality.coverage = coverage(map);
@@ -220,14 +244,12 @@ Result<DistortionMap> fitDistortion(const GroovePoints& points, const Distortion
         kMarginPitches * points.pitch_mm / parts.pixel_mm);
     if (!support) return support.error();
     parts.support = *support;
-    const double scale = placeDetector(parts);
-    if (!(scale > 0)) return noSolution("distortion fit", "no scale in the middle of the image", "a map there");
-    parts.pixel_mm = std::isnan(options.pixel_mm) ? scale : options.pixel_mm;
-
-    const DistortionMap map(parts);
-    if (const Result<void> sound = requireSound(map); !sound) return sound.error();
-    parts.quality = measured(map, points, *fitted);
-    return DistortionMap(std::move(parts));
+    Result<DistortionMap> map = DistortionMap::create(std::move(parts));
+    if (!map) return map;
+    map->placeDetector(options.pixel_mm);
+    if (const Result<void> sound = requireSound(*map); !sound) return sound.error();
+    map->parts_.quality = qualityOf(*map, points, *fitted);
+    return map;
 }
 
 GrooveResiduals grooveResiduals(const DistortionMap& map, const GroovePoints& points) {

@@ -81,8 +81,12 @@ struct DistortionMapParts {
 
 class DistortionMap {
   public:
-    // Throws std::logic_error when there is no model, no support or no scale.
-    explicit DistortionMap(DistortionMapParts parts);
+    // noSolution when the model answers hardly anywhere. Throws std::logic_error when there is no model, no support or
+    // no scale.
+    static Result<DistortionMap> create(DistortionMapParts parts);
+
+    // The same map, measured with the C-arm there and then.
+    DistortionMap measured(std::optional<CArmPosition> position, std::string measured_at) const;
 
     const DistortionMapParts& parts() const { return parts_; }
     const DistortionModel& model() const { return *parts_.model; }
@@ -111,6 +115,10 @@ class DistortionMap {
     void idealRow(const Vector2& first, std::span<Vector2> ideal) const;
 
   private:
+    explicit DistortionMap(DistortionMapParts parts);
+    friend Result<DistortionMap> fitDistortion(const GroovePoints&, const DistortionFitOptions&, Progress&);
+    void placeDetector(double pixel_mm);
+
     struct Linear {
         Vector2 detector_mm;
         Matrix2 jacobian;

@@ -76,7 +76,12 @@ Result<DistortionMap> readDistortionMap(const std::filesystem::path& path) {
     if (file->failed()) return file->finish().error();
     parts.model = distortionModels()[kind].read(parameters);
     if (const Result<void> read = file->finish(); !read) return read.error();
-    return DistortionMap(std::move(parts));
+    Result<DistortionMap> map = DistortionMap::create(std::move(parts));
+    if (!map) {
+        const Error& error = map.error();
+        return invalidInput(path.string() + ", " + error.where, error.found, error.expected);
+    }
+    return map;
 }
 
 Result<void> writeDistortionMap(const std::filesystem::path& path, const DistortionMap& map) {

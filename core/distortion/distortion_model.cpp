@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 
 #include "core/base/option_checks.h"
+#include "core/distortion/models/bernstein_model.h"
 #include "core/distortion/models/polynomial_model.h"
+#include "core/distortion/models/table_model.h"
+#include "core/distortion/models/thin_plate_spline_model.h"
 
 namespace fluorocut {
 
@@ -11,6 +14,11 @@ const std::vector<DistortionModelKind>& distortionModels() {
     static const std::vector<DistortionModelKind> models = {
         {"polynomial", "one global polynomial, robustly fitted to all groove points", &fitPolynomialModel,
          &PolynomialModel::read},
+        {"bernstein", "the paper's: a curve for each groove, cubic splines across them", &fitBernsteinModel,
+         &BernsteinModel::read},
+        {"thin-plate-spline", "a smoothing thin-plate spline through all groove points", &fitThinPlateSplineModel,
+         &ThinPlateSplineModel::read},
+        {"table", "values on a grid, computed from other maps", nullptr, &TableModel::read},
     };
     return models;
 }

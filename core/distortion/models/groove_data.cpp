@@ -8,6 +8,8 @@
 #include <Eigen/QR>
 #include <fmt/format.h>
 
+#include "core/distortion/models/triangle_polynomial.h"
+
 namespace fluorocut {
 namespace {
 
@@ -81,6 +83,12 @@ Result<std::array<GrooveData, 2>> grooveData(const GroovePoints& points) {
     return data;
 }
 
+RobustFit agreeingPoints(const GroovePoints& points, const GrooveData& data) {
+    const BernsteinTriangle triangle = BernsteinTriangle::around(points.columns, points.rows);
+    const int order = std::min({5, data.grooves - 1, highestDegree(data.size())});
+    return fitRobustly(triangle.design(order, data.pixels), data.values_mm, data.sigmas_mm);
+}
+
 double roughScale(const GroovePoints& points) {
     return 0.5 * (planeScale(points.along_y, points.pitch_mm) + planeScale(points.along_x, points.pitch_mm));
 }
@@ -93,6 +101,38 @@ int wholeNumber(JsonObject& parameters, std::string_view field, int least, int m
         return least - 1;
     }
     return static_cast<int>(value[0]);
+}
+
+std::vector<double> packedUpper(const Eigen::MatrixXd& upper) {
+    std::vector<double> packed;
+    for (Eigen::Index i = 0; i < upper.rows(); ++i) {
+        for (Eigen::Index j = i; j < upper.cols(); ++j)
+            packed.push_back(upper(i, j));
+    }
+    return packed;
+}
+
+Eigen::MatrixXd unpackedUpper(std::span<const double> packed, Eigen::Index size) {
+    Eigen::MatrixXd upper = Eigen::MatrixXd::Zero(size, size);
+    std::size_t next = 0;
+    for (Eigen::Index i = 0; i < size; ++i) {
+        for (Eigen::Index j = i; j < size; ++j)
+            upper(i, j) = packed[next++];
+    }
+    return upper;
+}
+
+Eigen::MatrixXd readUpper(JsonObject& parameters, std::string_view field, int size) {
+    const std::size_t count = static_cast<std::size_t>(size) * static_cast<std::size_t>(size + 1) / 2;
+    const std::vector<double> packed = parameters.numbers(field, count);
+    return parameters.failed() ? Eigen::MatrixXd() : unpackedUpper(packed, size);
+}
+
+int highestDegree(Eigen::Index points) {
+    int degree = 0;
+    while (3 * BernsteinTriangle::size(degree + 1) <= points)
+        ++degree;
+    return degree;
 }
 
 }  // namespace fluorocut

@@ -1,7 +1,7 @@
 #include "core/distortion/models/polynomial_model.h"
 
 #include <algorithm>
-#include <set>
+#include <optional>
 
 #include <Eigen/QR>
 #include <fmt/format.h>
@@ -98,12 +98,7 @@ DistortionModel::Fields PolynomialModel::parameters() const {
         const Coordinate& coordinate = coordinates_[c];
         const std::string axis = c == 0 ? "x" : "y";
         fields.push_back({axis + "_mm", {coordinate.coefficients.begin(), coordinate.coefficients.end()}});
-        std::vector<double> root;
-        for (Eigen::Index i = 0; i < coordinate.covariance_root.rows(); ++i) {
-            for (Eigen::Index j = i; j < coordinate.covariance_root.cols(); ++j)
-                root.push_back(coordinate.covariance_root(i, j));
-        }
-        fields.push_back({axis + "_covariance_root", std::move(root)});
+        fields.push_back({axis + "_covariance_root", packedUpper(coordinate.covariance_root)});
     }
     return fields;
 }
@@ -125,16 +120,9 @@ std::shared_ptr<const DistortionModel> PolynomialModel::read(JsonObject& paramet
     for (std::size_t axis = 0; axis < 2; ++axis) {
         const std::string name = axis == 0 ? "x" : "y";
         const std::vector<double> values = parameters.numbers(name + "_mm", static_cast<std::size_t>(size));
-        const std::vector<double> root =
-            parameters.numbers(name + "_covariance_root", static_cast<std::size_t>(root_size * (root_size + 1) / 2));
+        coordinates[axis].covariance_root = readUpper(parameters, name + "_covariance_root", root_size);
         if (parameters.failed()) return nullptr;
         coordinates[axis].coefficients = Eigen::Map<const Eigen::VectorXd>(values.data(), size);
-        coordinates[axis].covariance_root = Eigen::MatrixXd::Zero(root_size, root_size);
-        std::size_t next = 0;
-        for (int i = 0; i < root_size; ++i) {
-            for (int j = i; j < root_size; ++j)
-                coordinates[axis].covariance_root(i, j) = root[next++];
-        }
     }
     return std::make_shared<PolynomialModel>(BernsteinTriangle({a, b, c}), order, covariance_order,
                                              std::move(coordinates));
@@ -142,20 +130,14 @@ std::shared_ptr<const DistortionModel> PolynomialModel::read(JsonObject& paramet
 
 namespace {
 
-Eigen::MatrixXd designOf(const BernsteinTriangle& triangle, int degree, const GrooveData& data) {
-    Eigen::MatrixXd design(data.size(), BernsteinTriangle::size(degree));
-    for (Eigen::Index i = 0; i < data.size(); ++i)
-        design.row(i) = triangle.basis(degree, data.pixels[static_cast<std::size_t>(i)]).transpose();
-    return design;
-}
-
 // The root of the covariance described in the header.
 Eigen::MatrixXd covarianceRoot(const BernsteinTriangle& triangle, int order, int covariance_order,
                                const GrooveData& data, const RobustFit& fit) {
     // The used points alone, in their noise's unit, with an orthonormal basis of degree N.
     const GrooveData used = data.only(fit.used);
     const Eigen::VectorXd weights = used.sigmas_mm.cwiseInverse();
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(weights.asDiagonal() * designOf(triangle, covariance_order, used));
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(weights.asDiagonal() *
+                                                   triangle.design(covariance_order, used.pixels));
     const Eigen::Index size = BernsteinTriangle::size(covariance_order);
     const Eigen::MatrixXd upper = qr.matrixQR().topRows(size).triangularView<Eigen::Upper>();
     // ... in which what degree n can do is the span of the columns of R E.
@@ -179,10 +161,67 @@ Eigen::MatrixXd covarianceRoot(const BernsteinTriangle& triangle, int order, int
     return Eigen::HouseholderQR<Eigen::MatrixXd>(half).matrixQR().triangularView<Eigen::Upper>();
 }
 
-struct CoordinateFit {
-    PolynomialModel::Coordinate coordinate;
-    RobustFit fit;
+constexpr double kWorstDeviation = 1.5;  // of the map at any groove point, in the points' own deviations
+
+// Both coordinates' robust fits of one order; nothing when the points do not carry it.
+struct Attempt {
+    int order = 0;
+    std::array<RobustFit, 2> fits;
+
+    static std::optional<Attempt> of(const BernsteinTriangle& triangle, int order,
+                                     const std::array<GrooveData, 2>& data) {
+        Attempt attempt;
+        attempt.order = order;
+        for (std::size_t c = 0; c < 2; ++c) {
+            // A polynomial takes more grooves than its degree, and several points for each coefficient.
+            if (data[c].grooves <= order || highestDegree(data[c].size()) < order) return {};
+            attempt.fits[c] = fitRobustly(triangle.design(order, data[c].pixels), data[c].values_mm, data[c].sigmas_mm);
+            if (!attempt.fits[c].coefficients.allFinite() || !attempt.isFirm(triangle, c, data)) return {};
+        }
+        return attempt;
+    }
+
+    // Whether noise alone leaves the map at every groove point (of both directions: both need both coordinates) about
+    // as well known as a point. It does not where points of one direction are missing over a part of the field.
+    bool isFirm(const BernsteinTriangle& triangle, std::size_t c, const std::array<GrooveData, 2>& data) const {
+        const GrooveData used = data[c].only(fits[c].used);
+        const Eigen::Index size = BernsteinTriangle::size(order);
+        if (used.size() < size) return false;
+        const Eigen::MatrixXd upper =
+            Eigen::HouseholderQR<Eigen::MatrixXd>(triangle.design(order, used.pixels)).matrixQR().topRows(size);
+        for (const GrooveData& all : data) {
+            const Eigen::MatrixXd basis = triangle.design(order, all.pixels).transpose();
+            const Eigen::MatrixXd spread = upper.transpose().triangularView<Eigen::Lower>().solve(basis);
+            if (!(spread.colwise().norm().maxCoeff() <= kWorstDeviation)) return false;
+        }
+        return true;
+    }
 };
+
+// The order with the least Bayesian information criterion (Schwarz 1978), over the points that the highest order keeps.
+const Attempt& bestOf(const std::vector<Attempt>& attempts, const std::array<GrooveData, 2>& data) {
+    const Attempt* best = nullptr;
+    double least = std::numeric_limits<double>::infinity();
+    for (const Attempt& attempt : attempts) {
+        double criterion = 0;
+        for (std::size_t c = 0; c < 2; ++c) {
+            const std::vector<char>& used = attempts.back().fits[c].used;
+            double sum = 0, count = 0;
+            for (std::size_t i = 0; i < used.size(); ++i) {
+                const auto at = static_cast<Eigen::Index>(i);
+                const double residual = attempt.fits[c].residuals[at] / data[c].sigmas_mm[at];
+                sum += used[i] ? residual * residual : 0;
+                count += used[i];
+            }
+            criterion += count * std::log(sum / count) + BernsteinTriangle::size(attempt.order) * std::log(count);
+        }
+        if (!best || criterion < least) {
+            best = &attempt;
+            least = criterion;
+        }
+    }
+    return *best;
+}
 
 }  // namespace
 
@@ -191,37 +230,40 @@ Result<FittedModel> fitPolynomialModel(const GroovePoints& points, const Distort
     const Result<std::array<GrooveData, 2>> data = grooveData(points);
     if (!data) return data.error();
     const BernsteinTriangle triangle = BernsteinTriangle::around(points.columns, points.rows);
+    const bool automatic = options.order == 0;
+
+    std::vector<Attempt> attempts;  // by order, rising
+    for (int order = automatic ? PolynomialModel::kMaxOrder : options.order; order >= 1; --order) {
+        if (progress.isCancelled()) return cancelled("distortion fit");
+        std::optional<Attempt> attempt = Attempt::of(triangle, order, *data);
+        if (attempt) attempts.insert(attempts.begin(), std::move(*attempt));
+        if (attempt && !automatic) break;
+    }
+    if (attempts.empty()) {
+        return noSolution("distortion fit", "groove points that do not even carry a straight map",
+                          "points of both directions, spread over the image",
+                          "move the plate or what hides it so that more of it is seen");
+    }
+    const Attempt& chosen = bestOf(attempts, *data);
 
     FittedModel result;
-    // A polynomial needs more grooves than its degree, and several points for each coefficient.
-    const auto carries = [&](int order) {
-        for (const GrooveData& one : *data) {
-            if (one.grooves <= order || one.size() < 3 * BernsteinTriangle::size(order)) return false;
-        }
-        return true;
-    };
-    const int wanted = options.order == 0 ? 5 : options.order;
-    int order = wanted;
-    while (order > 1 && !carries(order))
-        --order;
-    for (;; --order) {
-        if (progress.isCancelled()) return cancelled("distortion fit");
-        std::array<PolynomialModel::Coordinate, 2> coordinates;
-        const int covariance_order =
-            carries(order + PolynomialModel::kExtraDegrees) ? order + PolynomialModel::kExtraDegrees : order;
-        for (std::size_t c = 0; c < 2; ++c) {
-            const GrooveData& one = (*data)[c];
-            RobustFit fit = fitRobustly(designOf(triangle, order, one), one.values_mm, one.sigmas_mm);
-            coordinates[c].coefficients = fit.coefficients;
-            coordinates[c].covariance_root = covarianceRoot(triangle, order, covariance_order, one, fit);
-            (c == 0 ? result.used_along_y : result.used_along_x) = fit.used;
-        }
-        result.model = std::make_shared<PolynomialModel>(triangle, order, covariance_order, std::move(coordinates));
-        break;
+    const int extra = chosen.order + PolynomialModel::kExtraDegrees;
+    const bool carried = (*data)[0].grooves > extra && (*data)[1].grooves > extra &&
+                         highestDegree(chosen.fits[0].used_count) >= extra &&
+                         highestDegree(chosen.fits[1].used_count) >= extra;
+    const int covariance_order = carried ? extra : chosen.order;
+    std::array<PolynomialModel::Coordinate, 2> coordinates;
+    for (std::size_t c = 0; c < 2; ++c) {
+        const RobustFit& fit = chosen.fits[c];
+        coordinates[c].coefficients = fit.coefficients;
+        coordinates[c].covariance_root = covarianceRoot(triangle, chosen.order, covariance_order, (*data)[c], fit);
+        (c == 0 ? result.used_along_y : result.used_along_x) = fit.used;
     }
-    if (order < wanted) {
+    result.model = std::make_shared<PolynomialModel>(triangle, chosen.order, covariance_order, std::move(coordinates));
+    if (!automatic && chosen.order < options.order) {
         result.warnings.push_back(fmt::format(
-            "the polynomial's order was lowered from {} to {}: the points do not carry more", wanted, order));
+            "the polynomial's order was lowered from {} to {}: the groove points are too few or too unevenly spread",
+            options.order, chosen.order));
     }
     return result;
 }

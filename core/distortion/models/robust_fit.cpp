@@ -9,7 +9,7 @@
 namespace fluorocut {
 namespace {
 
-constexpr double kTukey = 4.685, kHuber = 1.345;
+constexpr double kTukey = kTukeyLimit, kHuber = 1.345;
 constexpr int kHuberIterations = 4, kTukeyIterations = 30;
 
 double medianOf(std::vector<double> values) {

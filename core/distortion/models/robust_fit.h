@@ -11,6 +11,8 @@
 
 namespace fluorocut {
 
+constexpr double kTukeyLimit = 4.685;
+
 struct RobustFit {
     Eigen::VectorXd coefficients;
     Eigen::VectorXd residuals;  // value - design * coefficients, in the values' unit

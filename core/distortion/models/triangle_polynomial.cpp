@@ -68,6 +68,13 @@ Eigen::VectorXd BernsteinTriangle::basis(int degree, const Vector2& point) const
     return last;
 }
 
+Eigen::MatrixXd BernsteinTriangle::design(int degree, const std::vector<Vector2>& points) const {
+    Eigen::MatrixXd rows(static_cast<Eigen::Index>(points.size()), size(degree));
+    for (Eigen::Index i = 0; i < rows.rows(); ++i)
+        rows.row(i) = basis(degree, points[static_cast<std::size_t>(i)]).transpose();
+    return rows;
+}
+
 Eigen::MatrixXd BernsteinTriangle::elevation(int from, int to) {
     Eigen::MatrixXd result = Eigen::MatrixXd::Identity(size(from), size(from));
     for (int n = from; n < to; ++n) {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -26,6 +27,8 @@ class BernsteinTriangle {
     const std::array<Vector2, 3>& corners() const { return corners_; }
     Vector3 barycentric(const Vector2& point) const;
     Eigen::VectorXd basis(int degree, const Vector2& point) const;
+    // One row of the basis for each point.
+    Eigen::MatrixXd design(int degree, const std::vector<Vector2>& points) const;
     // The coefficients of degree `to` of what has coefficients c of degree `from`: elevation(from, to) * c.
     static Eigen::MatrixXd elevation(int from, int to);
 
