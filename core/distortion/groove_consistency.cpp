@@ -18,7 +18,8 @@ constexpr double kMaxShift = 0.2;      // pitches from the map
 constexpr double kMaxRoughness = 2.5;  // times the median
 constexpr double kMaxDeviation = 4.5;  // standard deviations from the neighbours' plane
 constexpr double kUnevenness = 0.002;  // pitches: what a smooth map may deviate from a plane over two pitches
-constexpr int kReach = 2;              // pitches
+constexpr int kRounds = 3;
+constexpr int kReach = 2;  // pitches
 constexpr int kMinNeighbours = 5;
 constexpr double kConnected = 1.6;         // pitches
 constexpr double kMaxCarriedError = 0.25;  // pitches
@@ -87,7 +88,9 @@ struct Prediction {
 };
 
 // Robust plane through the neighbours' deviations from the map.
-Prediction predict(const std::vector<Segment>& segments, const SegmentGrid& grid, const Segment& segment) {
+Prediction predict(const std::vector<Segment>& segments, const std::vector<double>& deviations, const SegmentGrid& grid,
+                   std::size_t which) {
+    const Segment& segment = segments[which];
     struct Neighbour {
         double i, b, deviation, variance;
     };
@@ -100,8 +103,8 @@ Prediction predict(const std::vector<Segment>& segments, const SegmentGrid& grid
             const Segment& other = segments[static_cast<std::size_t>(n)];
             if (other.state != SegmentState::found) continue;
             const double sigma = other.sigma_px / other.pitch_px;
-            neighbours[count++] = {static_cast<double>(di), static_cast<double>(db), other.shift_px / other.pitch_px,
-                                   sigma * sigma + kUnevenness * kUnevenness};
+            neighbours[count++] = {static_cast<double>(di), static_cast<double>(db),
+                                   deviations[static_cast<std::size_t>(n)], sigma * sigma + kUnevenness * kUnevenness};
         }
     }
     Prediction prediction;
@@ -111,7 +114,7 @@ Prediction predict(const std::vector<Segment>& segments, const SegmentGrid& grid
         values.push_back(neighbours[n].deviation);
     Eigen::Vector3d plane(median(values), 0, 0);
     Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
-    const double own = segment.shift_px / segment.pitch_px;
+    const double own = deviations[which];
     for (int iteration = 0; iteration < 4; ++iteration) {
         Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
         Eigen::Vector3d right = Eigen::Vector3d::Zero();
@@ -197,29 +200,35 @@ double medianContrast(const std::vector<Segment>& segments, int direction) {
     return values.empty() ? 0 : median(values);
 }
 
-void rejectUnlikely(std::vector<Segment>& segments) {
+void judgeSegments(std::vector<Segment>& segments, const LatticeMap& map) {
+    std::vector<double> deviations(segments.size());  // from the map, pitches
+    for (std::size_t n = 0; n < segments.size(); ++n) {
+        Segment& segment = segments[n];
+        if (!segment.seen) continue;
+        segment.state = SegmentState::found;
+        segment.sigma_px = segment.fit_sigma_px;
+        deviations[n] = map.at(segment.point())[segment.direction] - segment.index;
+    }
     const double roughness = medianOfFound(segments, [](const Segment& segment) { return segment.roughness; });
     const std::array<double, 2> contrast = {medianContrast(segments, 0), medianContrast(segments, 1)};
-    for (Segment& segment : segments) {
-        if (segment.state != SegmentState::found) continue;
+    for (std::size_t n = 0; n < segments.size(); ++n) {
+        Segment& segment = segments[n];
+        if (!segment.seen) continue;
         const double usual = contrast[static_cast<std::size_t>(segment.direction)];
         if (segment.contrast < kFaintShare * usual) {
             segment.state = SegmentState::hidden;
         } else if (segment.contrast > kBrightShare * usual || segment.roughness > kMaxRoughness * roughness ||
-                   !(std::abs(segment.shift_px) < kMaxShift * segment.pitch_px) ||
-                   !(segment.sigma_px < kMaxSigma * segment.pitch_px)) {
+                   !(std::abs(deviations[n]) < kMaxShift) || !(segment.sigma_px < kMaxSigma * segment.pitch_px)) {
             segment.state = SegmentState::doubtful;
         }
     }
-}
-
-void rejectDiscontinuous(std::vector<Segment>& segments) {
     const std::array<SegmentGrid, 2> grids = {SegmentGrid(segments, 0), SegmentGrid(segments, 1)};
-    for (int round = 0; round < 3; ++round) {
+    for (int round = 0; round < kRounds; ++round) {
         std::vector<Prediction> predictions(segments.size());
-        for (std::size_t n = 0; n < segments.size(); ++n)
-            if (segments[n].state == SegmentState::found)
-                predictions[n] = predict(segments, grids[static_cast<std::size_t>(segments[n].direction)], segments[n]);
+        for (std::size_t n = 0; n < segments.size(); ++n) {
+            if (segments[n].state != SegmentState::found) continue;
+            predictions[n] = predict(segments, deviations, grids[static_cast<std::size_t>(segments[n].direction)], n);
+        }
         if (round == 0) chargeRoughness(segments, predictions);
         for (std::size_t n = 0; n < segments.size(); ++n) {
             if (segments[n].state != SegmentState::found) continue;

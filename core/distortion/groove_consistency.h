@@ -12,15 +12,16 @@ namespace fluorocut::grooves {
 // Median contrast of the found segments of one direction; 0 without any.
 double medianContrast(const std::vector<Segment>& segments, int direction);
 
-// Found segments become hidden (contrast far below the others') or doubtful: contrast far above, residuals much rougher
-// than elsewhere, a fifth of a pitch or more from where the map has them.
-void rejectUnlikely(std::vector<Segment>& segments);
-
-// Continuity: a groove's deviation from the map is a smooth function of place. Found segments that do not lie where a
-// plane through the neighbours within two pitches puts them, within their standard deviations, become doubtful; so do
-// those with too few neighbours. Rough residuals (tissue that is not white) are charged to sigma_px, as strongly as the
-// scatter about the neighbours shows they must be.
-void rejectDiscontinuous(std::vector<Segment>& segments);
+// States and sigma_px of the segments that were seen, anew:
+// - hidden: contrast far below the others'; doubtful: far above, or residuals much rougher than elsewhere, or a fifth
+// of
+//   a pitch or more from where the map has it, or too uncertain to be of use.
+// - Continuity: a groove's deviation from the map is a smooth function of place. Segments that do not lie where a plane
+//   through the neighbours within two pitches puts them, within their standard deviations, are doubtful; so are those
+//   with too few neighbours.
+// - Rough residuals (tissue that is not white) are charged to sigma_px, as strongly as the scatter about the neighbours
+//   shows they must be.
+void judgeSegments(std::vector<Segment>& segments, const LatticeMap& map);
 
 // Segments hang together within 1.6 pitches. Parts cut off from the largest one become doubtful unless the map through
 // the largest part alone puts them, with certainty, at the number they have. Returns how many were dropped.

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <set>
+#include <tuple>
 
 #include <fmt/format.h>
 
@@ -28,8 +30,9 @@ constexpr double kLimit = 3;               // robust standard deviations
 constexpr double kMinLikeness = 0.85;      // of the folded cell to the plate's
 constexpr double kMinLikenessLead = 0.12;  // over any other reading of the same cell
 constexpr double kMinRepeatability = 0.5;
-constexpr double kFirstBlur = 0.045;     // pitches
-constexpr double kGrowPitches = 2.5;     // how far from what was found segments are looked for
+constexpr double kFirstBlur = 0.045;  // pitches
+constexpr double kGrowPitches = 2.5;  // how far from what was found segments are looked for
+constexpr int kMaxGrowSteps = 20;
 constexpr double kMaxMapSigma = 0.1;     // pitches: where the map is less certain nothing is looked for
 constexpr double kMaxPitchRatio = 1.12;  // between the two directions, at the middle of the found segments
 constexpr double kMaxSkewRad = 0.12;
@@ -207,12 +210,15 @@ double median(std::vector<double> values) {
     return *middle;
 }
 
-// Measures with one map and keeps what can be believed.
-void measureAndReject(const PreparedImage& image, const LatticeMap& map, const GrooveShape& shape,
-                      std::vector<Segment>& segments) {
-    measureSegments(image, map, shape, segments);
-    rejectUnlikely(segments);
-    rejectDiscontinuous(segments);
+// Segments that are not among `known` yet.
+std::vector<Segment> onlyNew(std::vector<Segment> segments, const std::vector<Segment>& known) {
+    std::set<std::tuple<int, int, int>> labels;
+    for (const Segment& segment : known)
+        labels.emplace(segment.direction, segment.index, segment.between);
+    std::erase_if(segments, [&](const Segment& segment) {
+        return labels.contains({segment.direction, segment.index, segment.between});
+    });
+    return segments;
 }
 
 std::string seenSentence(const std::vector<Segment>& segments, double pitch_px, double noise) {
@@ -354,18 +360,35 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
     for (const PhaseNode& node : candidate->lattice.nodes)
         seeds.push_back(factor * node.pixel + Vector2::Constant(0.5 * (factor - 1)));
     std::vector<Segment> segments = segmentsNear(map, seeds, image.width(), image.height());
-    measureAndReject(*prepared, map, shape, segments);
-    for (int pass = 0; pass < 2; ++pass) {
+    measureSegments(*prepared, map, shape, segments);
+    judgeSegments(segments, map);
+    // Outward, into tissue where the waves were not clear enough: a segment's fit uses all there is to be seen of it.
+    for (int step = 0; step < kMaxGrowSteps; ++step) {
         if (progress.isCancelled()) return cancelled(kWhere);
-        progress.report(0.65 + 0.15 * pass, "Measuring the grooves");
+        progress.report(0.6 + 0.2 * step / kMaxGrowSteps, "Measuring the grooves");
         const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius);
         if (!next) break;
         map = *next;
+        const std::vector<Segment> fresh = onlyNew(
+            segmentsNear(map, placesNear(segments, *prepared, map, candidate->pitch_px), image.width(), image.height()),
+            segments);
+        const std::size_t before = segments.size();
+        segments.insert(segments.end(), fresh.begin(), fresh.end());
+        measureSegments(*prepared, map, shape, segments, before);
+        judgeSegments(segments, map);
+        if (std::none_of(segments.begin() + static_cast<std::ptrdiff_t>(before), segments.end(),
+                         [](const Segment& segment) { return segment.state == SegmentState::found; }))
+            break;
+    }
+    // Once more, all of them, with the map and the edges' softness as they are known now.
+    if (const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius)) {
+        map = *next;
         shape.contrast = std::clamp(0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 1e-3, 2.0);
-        if (pass == 0) shape.blur_px = findBlur(*prepared, map, shape, segments);
+        shape.blur_px = findBlur(*prepared, map, shape, segments);
         segments =
             segmentsNear(map, placesNear(segments, *prepared, map, candidate->pitch_px), image.width(), image.height());
-        measureAndReject(*prepared, map, shape, segments);
+        measureSegments(*prepared, map, shape, segments);
+        judgeSegments(segments, map);
     }
     const int dropped = dropUncertainParts(segments, map, center, radius);
 

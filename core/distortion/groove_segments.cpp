@@ -227,7 +227,8 @@ void measure(const Window& window, const Profile& profile, Segment& segment) {
         return;
     }
     segment.shift_px = shift + solution[1] / solution[0];
-    segment.sigma_px = std::sqrt(variance * inverse(1, 1)) / solution[0];
+    segment.fit_sigma_px = segment.sigma_px = std::sqrt(variance * inverse(1, 1)) / solution[0];
+    segment.seen = true;
     segment.state = SegmentState::found;
 }
 
@@ -258,11 +259,12 @@ std::vector<Segment> segmentsNear(const LatticeMap& map, const std::vector<Vecto
 }
 
 void measureSegments(const PreparedImage& image, const LatticeMap& map, const GrooveShape& shape,
-                     std::vector<Segment>& segments) {
-    parallelFor(segments.size(), kSegmentsPerPiece, [&](std::size_t begin, std::size_t end) {
+                     std::vector<Segment>& segments, std::size_t first) {
+    parallelFor(segments.size() - first, kSegmentsPerPiece, [&](std::size_t begin, std::size_t end) {
         Window window;
         for (std::size_t n = begin; n < end; ++n) {
-            Segment& segment = segments[n];
+            Segment& segment = segments[first + n];
+            segment.seen = false;
             collect(image, map, shape, segment, window);
             if (window.outside) {
                 segment.state = SegmentState::outside;

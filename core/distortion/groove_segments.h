@@ -26,11 +26,13 @@ struct Segment {
     Vector2 across = Vector2::Zero();  // unit vector toward larger indices
     double pitch_px = 0;               // across, here
     double shift_px = 0;               // measured minus `start`, along `across`
-    double sigma_px = 0;
-    double contrast = 0;  // log intensity
+    double fit_sigma_px = 0;           // standard deviation of that, by the fit
+    double sigma_px = 0;               // the same with what neighbours show
+    double contrast = 0;               // log intensity
     double contrast_sigma = 0;
     double noise = 0;      // residual scatter of a pixel
     double roughness = 1;  // residual scatter over that of differences between neighbouring pixels: 1 for white noise
+    bool seen = false;     // a groove was measured here, be it believed or not
     SegmentState state = SegmentState::outside;
 
     Vector2 point() const { return start + shift_px * across; }
@@ -47,10 +49,10 @@ struct GrooveShape {
 // Segments whose middle lies within half a pitch of one of `seeds` (pixels), with `start`, `across` and `pitch_px`.
 std::vector<Segment> segmentsNear(const LatticeMap& map, const std::vector<Vector2>& seeds, int width, int height);
 
-// Measures every segment; states are outside (window reaches out of the lit field), hidden (no groove is seen) or
-// found.
+// Measures the segments from `first` on; states are outside (window reaches out of the lit field), hidden (no groove is
+// seen) or found.
 void measureSegments(const PreparedImage& image, const LatticeMap& map, const GrooveShape& shape,
-                     std::vector<Segment>& segments);
+                     std::vector<Segment>& segments, std::size_t first = 0);
 
 // The blur that explains the average profile of the found segments best, for each direction.
 std::array<double, 2> findBlur(const PreparedImage& image, const LatticeMap& map, const GrooveShape& shape,
