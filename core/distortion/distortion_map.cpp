@@ -21,16 +21,14 @@ constexpr double kMarginPitches = 0.5;  // of the support beyond the outermost p
 
 }  // namespace
 
-DistortionMap::DistortionMap(DistortionMapParts parts) : parts_(std::move(parts)) {
-    if (!parts_.model || parts_.columns < 1 || parts_.rows < 1 || !(parts_.pixel_mm > 0) || !(parts_.pitch_mm > 0) ||
-        parts_.support.radii().empty()) {
+Result<DistortionMap> DistortionMap::create(DistortionMapParts parts) {
+    if (!parts.model || parts.columns < 1 || parts.rows < 1 || !(parts.pixel_mm > 0) || !(parts.pitch_mm > 0) ||
+        parts.support.radii().empty()) {
         throw std::logic_error("DistortionMap: a part is missing");
     }
-    rotation_ = parts_.detector_from_plate.rotation();
-}
-
-Result<DistortionMap> DistortionMap::create(DistortionMapParts parts) {
-    DistortionMap map(std::move(parts));
+    DistortionMap map;
+    map.rotation_ = parts.detector_from_plate.rotation();
+    map.parts_ = std::move(parts);
     const DistortionModel& model = map.model();
     if (model.answersEverywhere()) return map;
     map.fallback_ = TableModel::sampled(
@@ -69,7 +67,7 @@ bool DistortionMap::covers(const Vector2& pixel, double margin_px) const {
 }
 
 Vector2 DistortionMap::plateFromPixel(const Vector2& pixel) const {
-    const DistortionModel& answers = answering();
+    const DistortionModel& answers = smoothModel();
     if (!pixel.allFinite()) return Vector2::Constant(kNaN);
     if (parts_.support.contains(pixel)) return answers.plateFromPixel(pixel);
     const Vector2 rim = parts_.support.rimToward(pixel);
@@ -83,7 +81,7 @@ Vector2 DistortionMap::detectorFromPixel(const Vector2& pixel) const {
 Matrix2 DistortionMap::detectorJacobian(const Vector2& pixel) const {
     if (!pixel.allFinite()) return Matrix2::Constant(kNaN);
     const bool inside = parts_.support.contains(pixel);
-    return rotation_ * answering().jacobian(inside ? pixel : parts_.support.rimToward(pixel));
+    return rotation_ * smoothModel().jacobian(inside ? pixel : parts_.support.rimToward(pixel));
 }
 
 Matrix2 DistortionMap::covariance(const Vector2& pixel) const {
@@ -95,9 +93,10 @@ Matrix2 DistortionMap::covariance(const Vector2& pixel) const {
 DistortionMap::Linear DistortionMap::linearised(const Vector2& pixel) const {
     const bool inside = parts_.support.contains(pixel);
     const Vector2 at = inside ? pixel : parts_.support.rimToward(pixel);
-    const Matrix2 jacobian = rotation_ * answering().jacobian(at);
-    return {rotation_ * answering().plateFromPixel(at) + jacobian * (pixel - at) + parts_.detector_from_plate.shift_mm,
-            jacobian};
+    const Matrix2 jacobian = rotation_ * smoothModel().jacobian(at);
+    return {
+        rotation_ * smoothModel().plateFromPixel(at) + jacobian * (pixel - at) + parts_.detector_from_plate.shift_mm,
+        jacobian};
 }
 
 Vector2 DistortionMap::pixelFromDetector(const Vector2& detector_mm) const {
@@ -146,7 +145,7 @@ void DistortionMap::idealRow(const Vector2& first, std::span<Vector2> ideal) con
         std::size_t end = i;
         while (end < ideal.size() && parts_.support.contains(at(end)))
             ++end;
-        answering().plateFromRow(at(i), 1, ideal.subspan(i, end - i));
+        smoothModel().plateFromRow(at(i), 1, ideal.subspan(i, end - i));
         for (; i < end; ++i)
             ideal[i] = turn * ideal[i] + shift;
         for (; i < ideal.size() && !parts_.support.contains(at(i)); ++i)
@@ -162,16 +161,6 @@ std::vector<Vector2> usedPixels(const std::vector<GroovePoint>& points, const st
         if (used[i]) pixels.push_back(points[i].pixel);
     }
     return pixels;
-}
-
-double coverage(const DistortionMap& map) {
-    const int step = std::max(1, std::max(map.columns(), map.rows()) / 100);
-    int covered = 0, all = 0;
-    for (int y = step / 2; y < map.rows(); y += step) {
-        for (int x = step / 2; x < map.columns(); x += step, ++all)
-            covered += map.covers(Vector2(x, y));
-    }
-    return all == 0 ? kNaN : static_cast<double>(covered) / all;
 }
 
 // A map must not fold over or stretch one way out of all reason: the worst of its Jacobians over the support.
@@ -250,6 +239,16 @@ Result<DistortionMap> fitDistortion(const GroovePoints& points, const Distortion
     if (const Result<void> sound = requireSound(*map); !sound) return sound.error();
     map->parts_.quality = qualityOf(*map, points, *fitted);
     return map;
+}
+
+double coverage(const DistortionMap& map) {
+    const int step = std::max(1, std::max(map.columns(), map.rows()) / 100);
+    int covered = 0, all = 0;
+    for (int y = step / 2; y < map.rows(); y += step) {
+        for (int x = step / 2; x < map.columns(); x += step, ++all)
+            covered += map.covers(Vector2(x, y));
+    }
+    return all == 0 ? kNaN : static_cast<double>(covered) / all;
 }
 
 GrooveResiduals grooveResiduals(const DistortionMap& map, const GroovePoints& points) {

@@ -84,6 +84,8 @@ class DistortionMap {
     // noSolution when the model answers hardly anywhere. Throws std::logic_error when there is no model, no support or
     // no scale.
     static Result<DistortionMap> create(DistortionMapParts parts);
+    // For parts that are known to be good (another map's): throws std::logic_error otherwise.
+    explicit DistortionMap(DistortionMapParts parts) : DistortionMap(create(std::move(parts)).value()) {}
 
     // The same map, measured with the C-arm there and then.
     DistortionMap measured(std::optional<CArmPosition> position, std::string measured_at) const;
@@ -95,6 +97,8 @@ class DistortionMap {
     double pixelMm() const { return parts_.pixel_mm; }
     Vector2 middle() const { return 0.5 * Vector2(parts_.columns - 1, parts_.rows - 1); }
     const DistortionQuality& quality() const { return parts_.quality; }
+    // The model, or the smooth surface that stands in for one with holes: answers everywhere, in plate mm.
+    const DistortionModel& smoothModel() const { return fallback_ ? *fallback_ : *parts_.model; }
 
     // Supported by points: see above. With a margin, out to so many pixels beyond the rim (less than 0: inside it).
     bool covers(const Vector2& pixel, double margin_px = 0) const;
@@ -115,7 +119,7 @@ class DistortionMap {
     void idealRow(const Vector2& first, std::span<Vector2> ideal) const;
 
   private:
-    explicit DistortionMap(DistortionMapParts parts);
+    DistortionMap() = default;
     friend Result<DistortionMap> fitDistortion(const GroovePoints&, const DistortionFitOptions&, Progress&);
     void placeDetector(double pixel_mm);
 
@@ -124,7 +128,6 @@ class DistortionMap {
         Matrix2 jacobian;
     };
     Linear linearised(const Vector2& pixel) const;
-    const DistortionModel& answering() const { return fallback_ ? *fallback_ : *parts_.model; }
 
     DistortionMapParts parts_;
     std::shared_ptr<const DistortionModel> fallback_;  // answers everywhere; null when the model itself does
@@ -134,6 +137,9 @@ class DistortionMap {
 // Fits options.model to the points. noSolution, in words, when they do not carry it.
 Result<DistortionMap> fitDistortion(const GroovePoints& points, const DistortionFitOptions& options,
                                     Progress& progress = Progress::none());
+
+// The share of the image's pixels that the map covers.
+double coverage(const DistortionMap& map);
 
 // How far each point of a groove lies from where the map has its groove (along_y: in x; along_x: in y), plate mm.
 struct GrooveResiduals {

@@ -3,6 +3,7 @@
 
 #include "core/base/units.h"
 #include "core/distortion/distortion_map.h"
+#include "core/distortion/utc_time.h"
 #include "core/io/atomic_file.h"
 
 namespace fluorocut {
@@ -72,6 +73,9 @@ Result<DistortionMap> readDistortionMap(const std::filesystem::path& path) {
         parts.position->angulation_rad = radiansFromDegrees(position.number("angulation_deg", -90, 90));
     }
     parts.measured_at = file->optionalText("measured_at").value_or("");
+    if (!parts.measured_at.empty() && !daysFromUtc(parts.measured_at)) {
+        file->fail("measured_at", "\"" + parts.measured_at + "\"", "a time like \"2026-03-01T09:30:00Z\", or null");
+    }
     JsonObject parameters = file->object("parameters");
     if (file->failed()) return file->finish().error();
     parts.model = distortionModels()[kind].read(parameters);
@@ -86,6 +90,9 @@ Result<DistortionMap> readDistortionMap(const std::filesystem::path& path) {
 
 Result<void> writeDistortionMap(const std::filesystem::path& path, const DistortionMap& map) {
     const DistortionMapParts& parts = map.parts();
+    if (!parts.measured_at.empty() && !daysFromUtc(parts.measured_at)) {
+        return invalidOption("measured_at", "\"" + parts.measured_at + "\"", "a time like \"2026-03-01T09:30:00Z\"");
+    }
     nlohmann::ordered_json json;
     json["schema"] = kSchema;
     json["model"] = parts.model->name();

@@ -32,7 +32,8 @@ struct DistortionSetLimits {
 
 class DistortionMapSet {
   public:
-    // Every map with a position and a time, all of one image size; invalidInput in words.
+    // Every map with a position and a time, all of one image size; invalidInput in words. Of maps less than half a
+    // degree apart the newest is used.
     static Result<DistortionMapSet> create(std::vector<DistortionMap> maps);
 
     const std::vector<DistortionMap>& maps() const { return maps_; }
@@ -42,10 +43,9 @@ class DistortionMapSet {
                                 const DistortionSetLimits& limits = {}) const;
 
   private:
-    explicit DistortionMapSet(std::vector<DistortionMap> maps);
+    explicit DistortionMapSet(std::vector<DistortionMap> maps) : maps_(std::move(maps)) {}
 
     std::vector<DistortionMap> maps_;
-    double interpolation_mm_per_rad_ = 0;  // how wrong interpolation is per rad to the nearest pose: leave-one-out
 };
 
 // The angle between two views' beams.
