@@ -12,6 +12,7 @@
 #include "core/base/random.h"
 #include "core/base/units.h"
 #include "core/fiducial/bead_bundle.h"
+#include "core/fiducial/detection/bead_matching.h"
 #include "core/fiducial/detection/pose_search.h"
 #include "core/fiducial/sphere_shadow.h"
 
@@ -23,8 +24,10 @@ using detection::PoseSearch;
 using detection::Shadow;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kRefined = 12;              // hypotheses of one triple
-constexpr long long kMostHypotheses = 1'200'000;  // of one pass: about one second
+constexpr std::size_t kRefined = 12;  // hypotheses of one triple
+// Poses of one pass: half a second or so, but never fewer than six triples of shadows are worth.
+constexpr double kMostHypotheses = 600'000;
+constexpr double kLeastTriples = 6;
 constexpr std::size_t kMostShadows = 1000;
 constexpr double kLeastTolerancePx = 0.6;
 constexpr double kSameAngleRad = 0.05;
@@ -62,6 +65,7 @@ class Estimate {
                         (shadow.ideal_px.y() - carm.principal_point_px.y()) * carm.pixel_mm.y(), carm.focal_length_mm)
                     .normalized();
             shadows_.push_back(shadow);
+            places_.push_back(shadow.ideal_px);
         }
         const double diagonal = std::hypot(carm.columns, carm.rows);
         // A focal length 15 % off bends the picture of something 120 mm deep by 0.7 % of the field's size.
@@ -88,9 +92,11 @@ class Estimate {
         std::vector<Refined> best;
         int convincing = 0;
         const auto triples = detection::wideTriples(shadows_, static_cast<std::size_t>(options_.most_triples), random);
+        const double budget =
+            std::max(kMostHypotheses, kLeastTriples * std::pow(static_cast<double>(layout_.beads.size()), 3));
         const long long before = tried;
         for (std::size_t i = 0; i < triples.size(); ++i) {
-            if (progress.isCancelled() || tried - before > kMostHypotheses) break;
+            if (progress.isCancelled() || static_cast<double>(tried - before) > budget) break;
             progress.report(0.1 + 0.8 * static_cast<double>(i) / static_cast<double>(triples.size()),
                             "looking for the beads' pose");
             bool helped = false;
@@ -220,33 +226,7 @@ class Estimate {
     }
 
     std::vector<BeadMatch> match(const Rigid3& pose, const PixelIntrinsics& intrinsics, double tolerance_px) const {
-        struct Pair {
-            double distance;
-            std::size_t bead, shadow;
-            Vector2 residual;
-        };
-        std::vector<Pair> pairs;
-        for (std::size_t i = 0; i < layout_.beads.size(); ++i) {
-            const Bead& bead = layout_.beads[i];
-            const Vector2 place = predictedPixel(intrinsics, pose * bead.center_mm, 0.5 * bead.diameter_mm);
-            for (std::size_t j = 0; j < shadows_.size(); ++j) {
-                const Vector2 residual = shadows_[j].ideal_px - place;
-                if (residual.squaredNorm() <= tolerance_px * tolerance_px)
-                    pairs.push_back({residual.norm(), i, j, residual});
-            }
-        }
-        std::stable_sort(pairs.begin(), pairs.end(),
-                         [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
-        std::vector<bool> bead_used(layout_.beads.size(), false), shadow_used(shadows_.size(), false);
-        std::vector<BeadMatch> matches;
-        for (const Pair& pair : pairs) {
-            if (bead_used[pair.bead] || shadow_used[pair.shadow]) continue;
-            bead_used[pair.bead] = shadow_used[pair.shadow] = true;
-            matches.push_back({pair.bead, pair.shadow, shadows_[pair.shadow].ideal_px, pair.residual});
-        }
-        std::sort(matches.begin(), matches.end(),
-                  [](const BeadMatch& a, const BeadMatch& b) { return a.bead < b.bead; });
-        return matches;
+        return detection::matchBeads(layout_, places_, intrinsics, pose, tolerance_px);
     }
 
     Refined refine(const Rigid3& start) const {
@@ -302,6 +282,7 @@ class Estimate {
     PixelIntrinsics intrinsics_;
     IntrinsicsPrior prior_;
     std::vector<Shadow> shadows_;
+    std::vector<Vector2> places_;  // of the shadows, ideal pixels
     double vote_distance_px_;
 };
 
@@ -345,9 +326,10 @@ Result<BeadPose> estimateBeadPose(const std::vector<BeadDetection>& detections, 
 
     const Estimate estimate(detections, layout, carm, options);
     std::atomic<long long> tried{0};
-    std::vector<Refined> best = estimate.search(options.sizes_are_a_hint, tried, progress);
+    SubProgress first_pass(progress, 0, 0.5), second_pass(progress, 0.5, 1);
+    std::vector<Refined> best = estimate.search(options.sizes_are_a_hint, tried, first_pass);
     if (options.sizes_are_a_hint && (best.empty() || !estimate.enough(best.front())) && !progress.isCancelled())
-        best = estimate.search(false, tried, progress);
+        best = estimate.search(false, tried, second_pass);
     if (progress.isCancelled()) return cancelled("estimateBeadPose");
     if (best.empty() || !estimate.enough(best.front())) {
         const std::size_t explained = best.empty() ? 0 : best.front().matches.size();
