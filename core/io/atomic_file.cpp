@@ -21,13 +21,13 @@ bool syncPath(const fs::path& path, int flags) {
     return (::close(file) == 0) && synced;
 }
 
-// Removes the temporary file unless it became the target.
+// Removes the temporary file or folder unless it became the target.
 class Remover {
   public:
     explicit Remover(fs::path path) : path_(std::move(path)) {}
     ~Remover() {
         std::error_code ignored;
-        if (!path_.empty()) fs::remove(path_, ignored);
+        if (!path_.empty()) fs::remove_all(path_, ignored);
     }
     Remover(const Remover&) = delete;
     Remover& operator=(const Remover&) = delete;
@@ -76,6 +76,34 @@ Result<void> writeWhole(const fs::path& target, std::string_view content) {
         if (!stream) return outputFailed(target.string(), "not all of it could be written", "free some space");
         return {};
     });
+}
+
+Result<void> writeWholeFolder(const fs::path& target, const std::function<Result<void>(const fs::path&)>& write) {
+    // "out/" is the folder "out".
+    const fs::path named = target.has_filename() ? target : target.parent_path();
+    const fs::path parent = named.has_parent_path() ? named.parent_path() : fs::path(".");
+    std::error_code code;
+    if (named.empty() || !fs::is_directory(parent, code)) {
+        return outputFailed(target.string(), "no folder " + parent.string(), "create it or name another output");
+    }
+    if (fs::exists(named, code) && !(fs::is_directory(named, code) && fs::is_empty(named, code))) {
+        return invalidOption("output " + target.string(),
+                             fs::is_directory(named, code) ? "a folder that is not empty" : "a file of that name",
+                             "a new or an empty folder", "nothing is overwritten: name another one");
+    }
+    std::string pattern = (parent / ".fluorocut-XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) {
+        return outputFailed(target.string(), std::string("no folder can be made: ") + std::strerror(errno));
+    }
+    Remover remover{fs::path(pattern)};
+    ::chmod(pattern.c_str(), 0755);
+    if (const Result<void> written = write(pattern); !written) return written.error();
+    syncPath(pattern, O_RDONLY | O_DIRECTORY);
+    fs::rename(pattern, named, code);  // takes the place of an empty folder, and of nothing else
+    if (code) return outputFailed(target.string(), "cannot be made: " + code.message());
+    remover.keep();
+    syncPath(parent, O_RDONLY | O_DIRECTORY);
+    return {};
 }
 
 }  // namespace fluorocut

@@ -17,4 +17,9 @@ Result<void> writeWhole(const std::filesystem::path& target,
 // The same for content at hand.
 Result<void> writeWhole(const std::filesystem::path& target, std::string_view content);
 
+// A folder with everything in it or nothing at all: calls `write` with a temporary folder beside the target, then
+// renames it. Refuses (invalidOption) a target that is a file or a folder that holds anything: nothing is overwritten.
+Result<void> writeWholeFolder(const std::filesystem::path& target,
+                              const std::function<Result<void>(const std::filesystem::path& temporary)>& write);
+
 }  // namespace fluorocut

@@ -43,5 +43,39 @@ TEST(WriteWhole, SaysWhichFolderIsMissing) {
     EXPECT_NE(failed.error().message().find("nowhere"), std::string::npos);
 }
 
+TEST(WriteWholeFolder, AppearsWithAllOfItOrNotAtAll) {
+    const test::ScratchFolder scratch;
+    const fs::path target = scratch / "workshop";
+    const auto half = [](const fs::path& folder) -> Result<void> {
+        std::ofstream(folder / "one.stl") << "half";
+        return outputFailed("one.stl", "disk full");
+    };
+    EXPECT_FALSE(writeWholeFolder(target, half).ok());
+    EXPECT_EQ(entries(scratch.path()), 0u);
+    const auto whole = [](const fs::path& folder) { return writeWhole(folder / "one.stl", "all"); };
+    ASSERT_OK(writeWholeFolder(target.string() + "/", whole));  // as people type it
+    EXPECT_EQ(content(target / "one.stl"), "all");
+    EXPECT_EQ(entries(scratch.path()), 1u);
+    fs::create_directory(scratch / "empty");
+    ASSERT_OK(writeWholeFolder(scratch / "empty", whole));
+    EXPECT_EQ(content(scratch / "empty" / "one.stl"), "all");
+}
+
+TEST(WriteWholeFolder, OverwritesNothing) {
+    const test::ScratchFolder scratch;
+    const auto write = [](const fs::path& folder) { return writeWhole(folder / "new", "new"); };
+    fs::create_directory(scratch / "mine");
+    std::ofstream(scratch / "mine" / "thesis") << "years";
+    std::ofstream(scratch / "file") << "years";
+    for (const char* name : {"mine", "file"}) {
+        const Result<void> refused = writeWholeFolder(scratch / name, write);
+        ASSERT_FALSE(refused.ok());
+        EXPECT_EQ(refused.error().code, ErrorCode::invalidOption);
+    }
+    EXPECT_EQ(content(scratch / "mine" / "thesis"), "years");
+    EXPECT_FALSE(writeWholeFolder(scratch / "nowhere" / "x", write).ok());
+    EXPECT_EQ(entries(scratch.path()), 2u);
+}
+
 }  // namespace
 }  // namespace fluorocut
