@@ -11,7 +11,9 @@ Command declareDrr(CLI::App& parent);
 Command declarePhantom(CLI::App& parent);
 Command declareCutVolume(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
+Command declareFabricate(CLI::App& parent);
 
-inline constexpr std::array<Declare, 4> kCommands{declareDrr, declarePhantom, declareCutVolume, declareInfo};
+inline constexpr std::array<Declare, 5> kCommands{declareDrr, declarePhantom, declareCutVolume, declareFabricate,
+                                                  declareInfo};
 
 }  // namespace fluorocut::cli
