@@ -214,6 +214,11 @@ Drawing drawSheet(const BeadSheet& sheet, int number, int count) {
                               millimetres(bead.diameter_mm + kHoleFitMm), millimetres(sheet.holeDepth(bead)),
                               fitted(bead.name, 26)});
     }
+    for (std::size_t n = 0; n < sheet.posts.size(); ++n) {
+        const Vector2 from_datum = sheet.posts[n] - sheet.low;
+        table.rows.push_back({fmt::format("P{}", n + 1), inMicrons(from_datum.x()), inMicrons(from_datum.y()),
+                              millimetres(kPostHoleMm), "through", "post"});
+    }
     const double notes = 6 * Drawing::kNoteMm + Drawing::kTitleHeightMm;
     const double column = std::max(size.x(), 60.0);
     const double below_section = 40 + kDetail * sheet.thickness_mm;  // where the table begins
@@ -236,9 +241,11 @@ Drawing drawSheet(const BeadSheet& sheet, int number, int count) {
         drawing.centerMark(center, radius + 1.2);
         drawing.text(center + Vector2(0.8 * radius + 0.5, 0.8 * radius + 0.5), std::to_string(n + 1), Align::left, 2.5);
     }
-    for (const Vector2& post : sheet.posts) {
-        drawing.circle(onPaper(post), 0.5 * kPostHoleMm);
-        drawing.centerMark(onPaper(post), 0.5 * kPostHoleMm + 1.5);
+    for (std::size_t n = 0; n < sheet.posts.size(); ++n) {
+        const Vector2 center = onPaper(sheet.posts[n]);
+        drawing.circle(center, 0.5 * kPostHoleMm);
+        drawing.centerMark(center, 0.5 * kPostHoleMm + 1.5);
+        drawing.text(center + Vector2(2.6, 2.6), fmt::format("P{}", n + 1), Align::left, 2.5);
     }
     const Vector2 first_post = onPaper(sheet.posts[0]), last_post = onPaper(sheet.posts[2]);
     drawing.dimensionX(low, {high.x(), low.y()}, low.y() - 24, millimetres(size.x()));
