@@ -108,7 +108,8 @@ TEST(BeadTest, NoiseComesOutAsItWentIn) {
         ASSERT_OK(test);
         sum += test->all_neighbours.mean_mm / 50;
     }
-    EXPECT_NEAR(sum, s * 2 / std::sqrt(std::numbers::pi), 0.03 * s * 2 / std::sqrt(std::numbers::pi));  // 4200 distances: 1.5 % expected
+    EXPECT_NEAR(sum, s * 2 / std::sqrt(std::numbers::pi),
+                0.03 * s * 2 / std::sqrt(std::numbers::pi));  // 4200 distances: 1.5 % expected
 }
 
 TEST(BeadTest, RefusesWhatIsNoLatticeOfThatSpacing) {

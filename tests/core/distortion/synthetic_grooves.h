@@ -74,8 +74,9 @@ struct GrooveNoise {
     double field = 0.485;     // radius of the round field over the image's width; above 0.71 the whole image
 };
 
-// One point for each piece of groove between two crossings.
-inline GroovePoints groovePoints(const BentPlate& plate, const GrooveNoise& noise, Random& random) {
+// One point for each piece of groove between two crossings. A plate has what BentPlate has.
+template <class Plate>
+GroovePoints groovePoints(const Plate& plate, const GrooveNoise& noise, Random& random) {
     GroovePoints points;
     points.columns = points.rows = plate.size;
     points.pitch_mm = 6.35;
