@@ -15,7 +15,7 @@ namespace {
 constexpr double kFaintShare = 0.4;    // of the median contrast: less is no groove
 constexpr double kBrightShare = 1.9;   // more is something else
 constexpr double kMaxShift = 0.2;      // pitches from the map
-constexpr double kMaxRoughness = 2.5;  // times the median
+constexpr double kMaxRoughness = 4;    // times the median
 constexpr double kMaxDeviation = 4.5;  // standard deviations from the neighbours' plane
 constexpr double kUnevenness = 0.002;  // pitches: what a smooth map may deviate from a plane over two pitches
 constexpr int kRounds = 3;

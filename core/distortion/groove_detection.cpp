@@ -29,6 +29,7 @@ constexpr double kFirstHighPassPx = 20;    // of the image: lets pitches of up t
 constexpr double kLimit = 3;               // robust standard deviations
 constexpr double kMinLikeness = 0.85;      // of the folded cell to the plate's
 constexpr double kMinLikenessLead = 0.12;  // over any other reading of the same cell
+constexpr double kSureLikeness = 0.98;     // no harmonic is asked any more
 constexpr double kMinRepeatability = 0.5;
 constexpr double kFirstBlur = 0.045;  // pitches
 constexpr double kGrowPitches = 2.5;  // how far from what was found segments are looked for
@@ -44,68 +45,80 @@ constexpr double kFewShare = 0.6;          // found / expected: less is worth a 
 
 struct Candidate {
     CoarseLattice lattice;
-    FoldedCell cell;
-    std::size_t shift = 0;
+    double contrast = 0;
     double pitch_px = 0;  // of the image
+    double likeness = 0;
 };
 
-// What was seen best, for the sentence that refuses.
+// The cell that came nearest, for the sentence that refuses.
 struct Rejected {
-    double likeness = 0, inverted = 0, pitch_px = 0;
-    bool traced = false;
+    double best = 0;  // likeness of any kind
+    bool inverted = false;
+    double likeness = 0, other = 0, pitch_px = 0;
 };
 
-bool convincing(const FoldedCell& cell, std::size_t shift) {
-    return cell.repeatability > kMinRepeatability && cell.likeness[shift] > kMinLikeness &&
-           cell.likeness[shift] > cell.bestOther(shift) + kMinLikenessLead;
-}
-
-// The waves are the lattice's fundamental, or twice that: in tissue, whose own structure is coarse, the second harmonic
-// can be the clearer one. Its phase leaves four possible origins; the folded cell tells which.
+// The waves are the lattice's fundamental or a harmonic: in tissue, whose own structure is coarse, the second can be
+// the clearer one. Its phase leaves several possible origins; the folded cell tells which, and what the waves are.
 std::optional<Candidate> examine(const PreparedImage& image, const WavePair& waves, const GroovedPlate& plate,
                                  const GrooveDetectionOptions& options, Rejected& rejected) {
     const double period = 2 / (waves.first.norm() + waves.second.norm());  // coarse px
     const Image high = highPassed(image, 0.75 * period, kLimit);
     const std::optional<CoarseLattice> traced = traceLattice(high, image.coarse_lit, waves);
     if (!traced) return std::nullopt;
-    for (const int harmonic : {1, 2}) {
+    std::optional<Candidate> best;
+    for (const int harmonic : {1, 2, 3}) {
         const double pitch_px = harmonic * period * image.factor;
         if (pitch_px < 0.93 * options.min_pitch_px || pitch_px > 1.07 * options.max_pitch_px) continue;
         CoarseLattice lattice = *traced;
         lattice.map = traced->map.transformed(1.0 / harmonic, Vector2::Zero());
         const FoldedCell cell =
             foldCell(harmonic == 1 ? high : highPassed(image, 0.75 * harmonic * period, kLimit), lattice, plate);
-        const std::size_t shift = harmonic == 1 ? 0 : cell.bestShift();
-        if (convincing(cell, shift)) {
-            lattice.map = lattice.map.transformed(
-                1, 0.5 * Vector2(static_cast<double>(shift & 1), static_cast<double>(shift >> 1)));
-            return Candidate{lattice, cell, shift, pitch_px};
+        if (!(cell.repeatability > kMinRepeatability)) continue;
+        const std::array<int, 2> shift = cell.bestShift(harmonic);
+        const FoldedCell::Reading& reading = cell.at(shift[0], shift[1]);
+        const double other = cell.bestOther(shift), inverted = cell.bestInverted();
+        if (std::max(reading.likeness, inverted) > rejected.best) {
+            rejected = {std::max(reading.likeness, inverted), inverted > reading.likeness, reading.likeness, other,
+                        pitch_px};
         }
-        if (cell.repeatability > kMinRepeatability) {
-            rejected.inverted = std::max(rejected.inverted, cell.bestInverted());
-            if (cell.likeness[shift] > rejected.likeness || !rejected.traced) {
-                rejected.likeness = cell.likeness[shift];
-                rejected.pitch_px = pitch_px;
-            }
-            rejected.traced = true;
+        if (!(reading.likeness > kMinLikeness && reading.likeness > other + kMinLikenessLead)) continue;
+        if (best && best->likeness >= reading.likeness) continue;
+        lattice.map = lattice.map.transformed(1, Vector2(shift[0], shift[1]) / FoldedCell::kShifts);
+        best = Candidate{lattice, reading.contrast, pitch_px, reading.likeness};
+        if (harmonic == 1 && reading.likeness > kSureLikeness) break;
+    }
+    return best;
+}
+
+// Of waves that are whole multiples of others the others come first.
+void longestFirst(std::vector<WavePair>& pairs) {
+    for (std::size_t n = 0; n < pairs.size(); ++n) {
+        for (std::size_t k = n + 1; k < pairs.size(); ++k) {
+            const double multiple = std::round(pairs[n].first.norm() / pairs[k].first.norm());
+            if (multiple < 2 || (pairs[n].first - multiple * pairs[k].first).norm() > 0.06 * pairs[n].first.norm() ||
+                (pairs[n].second - multiple * pairs[k].second).norm() > 0.06 * pairs[n].second.norm())
+                continue;
+            std::rotate(pairs.begin() + static_cast<std::ptrdiff_t>(n), pairs.begin() + static_cast<std::ptrdiff_t>(k),
+                        pairs.begin() + static_cast<std::ptrdiff_t>(k) + 1);
+            k = n;
         }
     }
-    return std::nullopt;
 }
 
 Error nothingFound(const WaveSearch& waves, const Rejected& rejected, int factor) {
     const std::string expected = "two perpendicular sets of equally spaced bright lines, the plate's grooves";
-    if (rejected.inverted > kMinLikeness && rejected.inverted > rejected.likeness + kMinLikenessLead) {
-        return noSolution(kWhere, "a lattice of dark lines on bright ground", expected,
-                          "The image seems inverted: give it so that bright means more photons");
+    if (rejected.best > kMinLikeness && rejected.inverted) {
+        return noSolution(kWhere,
+                          fmt::format("a lattice of dark lines on bright ground, pitch {:.1f} px", rejected.pitch_px),
+                          expected, "The image seems inverted: give it so that bright means more photons");
     }
-    if (rejected.traced) {
-        return noSolution(
-            kWhere,
-            fmt::format("a pattern that repeats every {:.1f} px, whose cell resembles the plate's only to "
-                        "{:.2f} ({:.2f} needed)",
-                        rejected.pitch_px, rejected.likeness, kMinLikeness),
-            expected, "Check the plate file's groove width and pitch, and that the plate lies in the beam");
+    if (rejected.best > 0) {
+        return noSolution(kWhere,
+                          fmt::format("a pattern that repeats every {:.1f} px, whose cell is not clearly the plate's "
+                                      "(likeness {:.2f}, of other patterns {:.2f})",
+                                      rejected.pitch_px, rejected.likeness, rejected.other),
+                          expected,
+                          "Check the plate file's groove width and pitch, and that the plate lies in the beam");
     }
     if (waves.pairs.empty() && waves.strongest_single > 15) {
         return noSolution(
@@ -306,6 +319,107 @@ void fillPoints(const std::vector<Segment>& segments, const LatticePlace& middle
     std::sort(points.along_x.begin(), points.along_x.end(), byPlace);
 }
 
+// Everything that follows from a lattice that was traced; noSolution when it turns out not to be the plate's.
+Result<GrooveDetection> measureLattice(const PreparedImage& prepared, const Candidate& candidate,
+                                       const GroovedPlate& plate, const GrooveDetectionOptions& options,
+                                       Progress& progress) {
+    progress.report(0, "Measuring the grooves");
+    const Image& image = prepared.log;
+    const int factor = prepared.factor;
+    const Vector2 center(0.5 * (image.width() - 1), 0.5 * (image.height() - 1));
+    const double radius = 0.5 * std::max(image.width(), image.height());
+    LatticeMap map = candidate.lattice.map.magnified(factor);
+    GrooveShape shape;
+    shape.width = plate.groove_width_mm / plate.pitch_mm;
+    shape.blur_px = {kFirstBlur * candidate.pitch_px, kFirstBlur * candidate.pitch_px};
+    shape.contrast = std::clamp(candidate.contrast, 1e-3, 2.0);
+    std::vector<Vector2> seeds;
+    for (const PhaseNode& node : candidate.lattice.nodes)
+        seeds.push_back(factor * node.pixel + Vector2::Constant(0.5 * (factor - 1)));
+    std::vector<Segment> segments = segmentsNear(map, seeds, image.width(), image.height());
+    measureSegments(prepared, map, shape, segments);
+    judgeSegments(segments, map);
+    // Outward, into tissue where the waves were not clear enough: a segment's fit uses all there is to be seen of it.
+    for (int step = 0; step < kMaxGrowSteps; ++step) {
+        if (progress.isCancelled()) return cancelled(kWhere);
+        progress.report(0.2 + 0.5 * step / kMaxGrowSteps, "Measuring the grooves");
+        const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius);
+        if (!next) break;
+        map = *next;
+        const std::vector<Segment> fresh = onlyNew(
+            segmentsNear(map, placesNear(segments, prepared, map, candidate.pitch_px), image.width(), image.height()),
+            segments);
+        const std::size_t before = segments.size();
+        segments.insert(segments.end(), fresh.begin(), fresh.end());
+        measureSegments(prepared, map, shape, segments, before);
+        judgeSegments(segments, map);
+        if (std::none_of(segments.begin() + static_cast<std::ptrdiff_t>(before), segments.end(),
+                         [](const Segment& segment) { return segment.state == SegmentState::found; }))
+            break;
+    }
+    // Once more, all of them, with the map and the edges' softness as they are known now.
+    if (const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius)) {
+        map = *next;
+        shape.contrast = std::clamp(0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 1e-3, 2.0);
+        shape.blur_px = findBlur(prepared, map, shape, segments);
+        segments =
+            segmentsNear(map, placesNear(segments, prepared, map, candidate.pitch_px), image.width(), image.height());
+        measureSegments(prepared, map, shape, segments);
+        judgeSegments(segments, map);
+    }
+    const int dropped = dropUncertainParts(segments, map, center, radius);
+
+    GrooveDetection detection;
+    std::vector<double> noises;
+    for (const Segment& segment : segments)
+        if (segment.state == SegmentState::found) noises.push_back(segment.noise);
+    detection.noise = median(noises);
+    const GrooveCounts y = count(segments, 0), x = count(segments, 1);
+    const double share = static_cast<double>(y.found + x.found) / std::max(1, y.expected + x.expected);
+    if (std::min(y.found, x.found) < kMinSegments || !(share >= options.min_found_share)) {
+        return noSolution(kWhere, seenSentence(segments, candidate.pitch_px, detection.noise),
+                          fmt::format("at least {} of each direction and {:.0f} % of those in the field", kMinSegments,
+                                      100 * options.min_found_share),
+                          "Use more dose, take objects out of the beam, or lay the plate over more of the field");
+    }
+    if (const std::string why = contradiction(segments, map, plate); !why.empty()) {
+        return noSolution(kWhere, why + " among " + seenSentence(segments, candidate.pitch_px, detection.noise),
+                          "the square lattice of the plate",
+                          "Check the plate file and that nothing else with a grid is in the beam");
+    }
+
+    const std::optional<LatticeMap> final_map = mapThrough(segments, map, center, radius);
+    if (!final_map) throw std::logic_error("groove detection: accepted segments hold no map");
+    const LatticePlace middle = final_map->place(center);
+
+    detection.points.columns = image.width();
+    detection.points.rows = image.height();
+    detection.points.pitch_mm = plate.pitch_mm;
+    fillPoints(segments, middle, detection.points);
+    detection.pitch_px = 1 / std::sqrt(std::abs(middle.jacobian.determinant()));
+    const double angle = std::atan2(middle.jacobian(0, 1), middle.jacobian(0, 0));
+    const int turns = static_cast<int>(std::lround(angle / (0.5 * std::numbers::pi)));
+    detection.rotation_rad = angle - turns * 0.5 * std::numbers::pi;
+    detection.contrast = 0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1));
+    detection.edge_blur_px =
+        std::sqrt(0.5 * (shape.blur_px[0] * shape.blur_px[0] + shape.blur_px[1] * shape.blur_px[1]));
+    detection.along_y = turns == 0 ? y : x;
+    detection.along_x = turns == 0 ? x : y;
+    detection.coverage = coverageOf(segments, prepared, candidate.pitch_px);
+    if (share < kFewShare)
+        detection.warnings.push_back("only " + seenSentence(segments, candidate.pitch_px, detection.noise));
+    if (dropped > 0) {
+        detection.warnings.push_back(fmt::format(
+            "{} groove segments are cut off from the others and were left out: their numbers are not certain",
+            dropped));
+    }
+    if (detection.coverage < 0.7) {
+        detection.warnings.push_back(fmt::format("the points cover {:.0f} % of the field: elsewhere the map is a guess",
+                                                 100 * detection.coverage));
+    }
+    return detection;
+}
+
 }  // namespace
 
 Result<void> GrooveDetectionOptions::validate() const {
@@ -330,119 +444,34 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
     const int factor = prepared->factor;
 
     progress.report(0.15, "Looking for the lattice");
-    std::optional<Candidate> candidate;
     Rejected rejected;
+    std::optional<Error> refusal;  // of the first lattice that could be traced
     WaveSearch waves;
-    const Image first_high = highPassed(*prepared, kFirstHighPassPx / factor, kLimit);
+    double reached = 0.4;  // of the work
+    const Image high = highPassed(*prepared, kFirstHighPassPx / factor, kLimit);
     for (const int patch : {128, 256}) {
         if (progress.isCancelled()) return cancelled(kWhere);
-        WaveSearch search =
-            findWaves(first_high, patch, 0.5 * options.min_pitch_px / factor, options.max_pitch_px / factor);
+        WaveSearch search = findWaves(high, patch, 0.5 * options.min_pitch_px / factor, options.max_pitch_px / factor);
+        longestFirst(search.pairs);
         for (const WavePair& pair : search.pairs) {
             if (progress.isCancelled()) return cancelled(kWhere);
-            candidate = examine(*prepared, pair, plate, options, rejected);
-            if (candidate) break;
+            const std::optional<Candidate> candidate = examine(*prepared, pair, plate, options, rejected);
+            if (!candidate) continue;
+            SubProgress part(progress, reached, 0.5 * (1 + reached));  // seldom is there more than one lattice
+            reached = 0.5 * (1 + reached);
+            Result<GrooveDetection> measured = measureLattice(*prepared, *candidate, plate, options, part);
+            if (measured) {
+                measured->elapsed_ms =
+                    std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+                progress.report(1, "Grooves found");
+                return measured;
+            }
+            if (measured.error().isCancelled()) return measured.error();
+            if (!refusal) refusal = measured.error();
         }
-        if (candidate) break;
         if (search.strongest_single > waves.strongest_single) waves = std::move(search);
     }
-    if (!candidate) return nothingFound(waves, rejected, factor);
-
-    progress.report(0.5, "Measuring the grooves");
-    const Vector2 center(0.5 * (image.width() - 1), 0.5 * (image.height() - 1));
-    const double radius = 0.5 * std::max(image.width(), image.height());
-    LatticeMap map = candidate->lattice.map.magnified(factor);
-    GrooveShape shape;
-    shape.width = plate.groove_width_mm / plate.pitch_mm;
-    shape.blur_px = {kFirstBlur * candidate->pitch_px, kFirstBlur * candidate->pitch_px};
-    shape.contrast = std::clamp(candidate->cell.contrast[candidate->shift], 1e-3, 2.0);
-    std::vector<Vector2> seeds;
-    for (const PhaseNode& node : candidate->lattice.nodes)
-        seeds.push_back(factor * node.pixel + Vector2::Constant(0.5 * (factor - 1)));
-    std::vector<Segment> segments = segmentsNear(map, seeds, image.width(), image.height());
-    measureSegments(*prepared, map, shape, segments);
-    judgeSegments(segments, map);
-    // Outward, into tissue where the waves were not clear enough: a segment's fit uses all there is to be seen of it.
-    for (int step = 0; step < kMaxGrowSteps; ++step) {
-        if (progress.isCancelled()) return cancelled(kWhere);
-        progress.report(0.6 + 0.2 * step / kMaxGrowSteps, "Measuring the grooves");
-        const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius);
-        if (!next) break;
-        map = *next;
-        const std::vector<Segment> fresh = onlyNew(
-            segmentsNear(map, placesNear(segments, *prepared, map, candidate->pitch_px), image.width(), image.height()),
-            segments);
-        const std::size_t before = segments.size();
-        segments.insert(segments.end(), fresh.begin(), fresh.end());
-        measureSegments(*prepared, map, shape, segments, before);
-        judgeSegments(segments, map);
-        if (std::none_of(segments.begin() + static_cast<std::ptrdiff_t>(before), segments.end(),
-                         [](const Segment& segment) { return segment.state == SegmentState::found; }))
-            break;
-    }
-    // Once more, all of them, with the map and the edges' softness as they are known now.
-    if (const std::optional<LatticeMap> next = mapThrough(segments, map, center, radius)) {
-        map = *next;
-        shape.contrast = std::clamp(0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 1e-3, 2.0);
-        shape.blur_px = findBlur(*prepared, map, shape, segments);
-        segments =
-            segmentsNear(map, placesNear(segments, *prepared, map, candidate->pitch_px), image.width(), image.height());
-        measureSegments(*prepared, map, shape, segments);
-        judgeSegments(segments, map);
-    }
-    const int dropped = dropUncertainParts(segments, map, center, radius);
-
-    GrooveDetection detection;
-    std::vector<double> noises;
-    for (const Segment& segment : segments)
-        if (segment.state == SegmentState::found) noises.push_back(segment.noise);
-    detection.noise = median(noises);
-    const GrooveCounts y = count(segments, 0), x = count(segments, 1);
-    const double share = static_cast<double>(y.found + x.found) / std::max(1, y.expected + x.expected);
-    if (std::min(y.found, x.found) < kMinSegments || !(share >= options.min_found_share)) {
-        return noSolution(kWhere, seenSentence(segments, candidate->pitch_px, detection.noise),
-                          fmt::format("at least {} of each direction and {:.0f} % of those in the field", kMinSegments,
-                                      100 * options.min_found_share),
-                          "Use more dose, take objects out of the beam, or lay the plate over more of the field");
-    }
-    if (const std::string why = contradiction(segments, map, plate); !why.empty()) {
-        return noSolution(kWhere, why + " among " + seenSentence(segments, candidate->pitch_px, detection.noise),
-                          "the square lattice of the plate",
-                          "Check the plate file and that nothing else with a grid is in the beam");
-    }
-
-    const std::optional<LatticeMap> final_map = mapThrough(segments, map, center, radius);
-    if (!final_map) throw std::logic_error("groove detection: accepted segments hold no map");
-    const LatticePlace middle = final_map->place(center);
-
-    detection.points.columns = image.width();
-    detection.points.rows = image.height();
-    detection.points.pitch_mm = plate.pitch_mm;
-    fillPoints(segments, middle, detection.points);
-    detection.pitch_px = 1 / std::sqrt(std::abs(middle.jacobian.determinant()));
-    const double angle = std::atan2(middle.jacobian(0, 1), middle.jacobian(0, 0));
-    const int turns = static_cast<int>(std::lround(angle / (0.5 * std::numbers::pi)));
-    detection.rotation_rad = angle - turns * 0.5 * std::numbers::pi;
-    detection.contrast = 0.5 * (medianContrast(segments, 0) + medianContrast(segments, 1));
-    detection.edge_blur_px =
-        std::sqrt(0.5 * (shape.blur_px[0] * shape.blur_px[0] + shape.blur_px[1] * shape.blur_px[1]));
-    detection.along_y = turns == 0 ? y : x;
-    detection.along_x = turns == 0 ? x : y;
-    detection.coverage = coverageOf(segments, *prepared, candidate->pitch_px);
-    if (share < kFewShare)
-        detection.warnings.push_back("only " + seenSentence(segments, candidate->pitch_px, detection.noise));
-    if (dropped > 0) {
-        detection.warnings.push_back(fmt::format(
-            "{} groove segments are cut off from the others and were left out: their numbers are not certain",
-            dropped));
-    }
-    if (detection.coverage < 0.7) {
-        detection.warnings.push_back(fmt::format("the points cover {:.0f} % of the field: elsewhere the map is a guess",
-                                                 100 * detection.coverage));
-    }
-    detection.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-    progress.report(1, "Grooves found");
-    return detection;
+    return refusal ? *refusal : nothingFound(waves, rejected, factor);
 }
 
 }  // namespace fluorocut

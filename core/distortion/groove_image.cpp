@@ -39,7 +39,7 @@ Levels levelsOf(const Image& image) {
         if (std::isfinite(image.pixels()[n])) finite.push_back(image.pixels()[n]);
     levels.finite = finite.size();
     if (finite.empty()) return levels;
-    levels.low = percentile(finite, 0.002);
+    levels.low = percentile(finite, 0.005);  // dead pixels are fewer
     levels.high = percentile(finite, 0.95);
     // Saturated values pile up at the top; an unsaturated histogram thins out there.
     float most = -INFINITY, next = -INFINITY, least = INFINITY;

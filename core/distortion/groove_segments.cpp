@@ -14,11 +14,12 @@ namespace fluorocut::grooves {
 namespace {
 
 constexpr double kHalfWindow = 0.5;     // across the groove, pitches: as far as the middle between two grooves
-constexpr double kBlurMargin = 2;       // sigmas kept from the crossing grooves
+constexpr double kBlurMargin = 1.2;     // sigmas kept from the crossing grooves
 constexpr double kMinHalfLength = 0.2;  // pitches
 constexpr int kIterations = 3;
-constexpr double kMaxStep = 0.08;  // pitches, per iteration
-constexpr double kMinSeen = 3;     // contrast over its standard deviation
+constexpr double kSmallStep = 0.003;  // pitches
+constexpr double kMaxStep = 0.08;     // pitches, per iteration
+constexpr double kMinSeen = 3;        // contrast over its standard deviation
 constexpr std::size_t kSegmentsPerPiece = 16;
 
 // Integral and value of the standard normal density, interpolated between tabulated places: error below 1e-6.
@@ -195,8 +196,10 @@ void measure(const Window& window, const Profile& profile, Segment& segment) {
         if (!(solution[0] > 0)) break;
         const double limit = kMaxStep * segment.pitch_px;
         const double step = std::clamp(solution[1] / solution[0], -limit, limit);
-        if (iteration + 1 < kIterations) shift += step;
         solution[1] = step * solution[0];
+        // The step that is left is linear: it counts, but needs no further round.
+        if (iteration + 1 == kIterations || std::abs(step) < kSmallStep * segment.pitch_px) break;
+        shift += step;
     }
     double squares = 0, difference_squares = 0, before = 0;
     int differences = 0;

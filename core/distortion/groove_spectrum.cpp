@@ -16,7 +16,7 @@ constexpr double kMinStrength = 3;       // peak power over the median of its ri
 constexpr double kMaxLengthRatio = 1.2;  // between the two waves of a pair
 constexpr double kMaxSkewRad = 0.17;     // from perpendicular
 constexpr std::size_t kMaxPeaks = 60;
-constexpr std::size_t kMaxPairs = 6;
+constexpr std::size_t kMaxPairs = 8;
 constexpr float kMinLit = 0.45f;  // of a patch
 
 struct Spectrum {

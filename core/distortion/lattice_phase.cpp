@@ -358,10 +358,10 @@ constexpr int kBins = 16;
 using Cell = std::array<double, static_cast<std::size_t>(kBins* kBins)>;
 
 // Box of relative width `width` blurred by a Gaussian of `sigma`, both in pitches, periodic, centred on 0.
-std::array<double, kBins> blurredGroove(double width, double sigma, std::size_t shift) {
+std::array<double, kBins> blurredGroove(double width, double sigma, double shift) {
     std::array<double, kBins> profile{};
     for (int n = 0; n < kBins; ++n) {
-        const double place = (n + 0.5) / kBins + 0.5 * static_cast<double>(shift);
+        const double place = (n + 0.5) / kBins + shift;
         for (int copy = -2; copy <= 2; ++copy) {
             const double d = place - std::round(place) + copy;
             profile[static_cast<std::size_t>(n)] += 0.5 * (std::erf((d + 0.5 * width) / (std::sqrt(2.0) * sigma)) -
@@ -422,38 +422,55 @@ FoldedCell foldCell(const Image& high, const CoarseLattice& lattice, const Groov
     const double reach = r > 0 ? std::sqrt(2 * r / (1 + r)) : 1;
 
     const double width = plate.groove_width_mm / plate.pitch_mm;
+    constexpr int kShifts = FoldedCell::kShifts;
     for (const double sigma : {0.02, 0.04, 0.06, 0.09, 0.12, 0.16}) {
-        for (std::size_t shift = 0; shift < 4; ++shift) {
-            const auto px = blurredGroove(width, sigma, shift & 1), py = blurredGroove(width, sigma, shift >> 1);
+        std::array<std::array<double, kBins>, kShifts> profiles;
+        for (int shift = 0; shift < kShifts; ++shift)
+            profiles[static_cast<std::size_t>(shift)] =
+                blurredGroove(width, sigma, static_cast<double>(shift) / kShifts);
+        for (std::size_t shift = 0; shift < folded.readings.size(); ++shift) {
+            const auto& px = profiles[shift % kShifts];
+            const auto& py = profiles[shift / kShifts];
             Cell cell;
             for (std::size_t b = 0; b < kBins; ++b)
                 for (std::size_t a = 0; a < kBins; ++a)
                     cell[b * kBins + a] = px[a] + py[b] - px[a] * py[b];
             double slope = 0;
             const double likeness = correlation(mean, cell, &slope) / reach;
-            folded.inverted_likeness[shift] = std::max(folded.inverted_likeness[shift], -likeness);
-            if (likeness > folded.likeness[shift]) {
-                folded.likeness[shift] = likeness;
-                folded.contrast[shift] = slope;
+            FoldedCell::Reading& reading = folded.readings[shift];
+            reading.inverted = std::max(reading.inverted, -likeness);
+            if (likeness > reading.likeness) {
+                reading.likeness = likeness;
+                reading.contrast = slope;
             }
         }
     }
     return folded;
 }
 
-std::size_t FoldedCell::bestShift() const {
-    return static_cast<std::size_t>(std::max_element(likeness.begin(), likeness.end()) - likeness.begin());
+std::array<int, 2> FoldedCell::bestShift(int harmonic) const {
+    std::array<int, 2> best{0, 0};
+    const int step = kShifts / harmonic;
+    for (int y = 0; y < kShifts; y += step)
+        for (int x = 0; x < kShifts; x += step)
+            if (at(x, y).likeness > at(best[0], best[1]).likeness) best = {x, y};
+    return best;
 }
 
-double FoldedCell::bestOther(std::size_t shift) const {
+double FoldedCell::bestOther(const std::array<int, 2>& shift) const {
     double best = bestInverted();
-    for (std::size_t n = 0; n < likeness.size(); ++n)
-        if (n != shift) best = std::max(best, likeness[n]);
+    const auto apart = [](int a, int b) { return std::min((a - b + kShifts) % kShifts, (b - a + kShifts) % kShifts); };
+    for (int y = 0; y < kShifts; ++y)
+        for (int x = 0; x < kShifts; ++x)
+            if (std::max(apart(x, shift[0]), apart(y, shift[1])) >= 2) best = std::max(best, at(x, y).likeness);
     return best;
 }
 
 double FoldedCell::bestInverted() const {
-    return *std::max_element(inverted_likeness.begin(), inverted_likeness.end());
+    double best = 0;
+    for (const Reading& reading : readings)
+        best = std::max(best, reading.inverted);
+    return best;
 }
 
 }  // namespace fluorocut::grooves

@@ -29,17 +29,25 @@ struct CoarseLattice {
 // `high` as from highPassed, `lit` the share of lit pixels there. Nothing when no connected part is clear enough.
 std::optional<CoarseLattice> traceLattice(const Image& high, const Image& lit, const WavePair& waves);
 
-// What one cell looks like on average, against what the plate should look like: bright grooves that cross at (0, 0) or,
-// with shift 1, 2, 3, at (1/2, 0), (0, 1/2), (1/2, 1/2). Correlations, 1 = the same; noise is allowed for.
+// What one cell looks like on average, against what the plate should look like: bright grooves that cross at (0, 0), or
+// shifted by sixths of a pitch. Correlations, 1 = the same; noise is allowed for.
 struct FoldedCell {
-    std::array<double, 4> likeness = {};           // by shift
-    std::array<double, 4> contrast = {};           // by shift; log intensity, groove against land
-    std::array<double, 4> inverted_likeness = {};  // the same with dark grooves
-    double repeatability = 0;                      // correlation of two halves of the data: 0 = noise
+    static constexpr int kShifts = 6;
+    struct Reading {
+        double likeness = 0;  // with bright grooves
+        double inverted = 0;  // with dark ones
+        double contrast = 0;  // log intensity, groove against land
+    };
+    std::array<Reading, static_cast<std::size_t>(kShifts* kShifts)> readings;
+    double repeatability = 0;  // correlation of two halves of the data: 0 = noise
 
-    std::size_t bestShift() const;
-    // The best likeness with anything but bright grooves at this shift.
-    double bestOther(std::size_t shift) const;
+    const Reading& at(int shift_x, int shift_y) const {
+        return readings[static_cast<std::size_t>(shift_y * kShifts + shift_x)];
+    }
+    // The shift by multiples of 1 / harmonic of a pitch at which the cell is most like the plate's.
+    std::array<int, 2> bestShift(int harmonic) const;
+    // The best likeness with anything else: grooves elsewhere (a third of a pitch or more), dark ones.
+    double bestOther(const std::array<int, 2>& shift) const;
     double bestInverted() const;
 };
 
