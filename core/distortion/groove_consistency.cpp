@@ -5,9 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <queue>
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "core/base/parallel.h"
 
 namespace fluorocut::grooves {
 namespace {
@@ -225,10 +226,13 @@ void judgeSegments(std::vector<Segment>& segments, const LatticeMap& map) {
     const std::array<SegmentGrid, 2> grids = {SegmentGrid(segments, 0), SegmentGrid(segments, 1)};
     for (int round = 0; round < kRounds; ++round) {
         std::vector<Prediction> predictions(segments.size());
-        for (std::size_t n = 0; n < segments.size(); ++n) {
-            if (segments[n].state != SegmentState::found) continue;
-            predictions[n] = predict(segments, deviations, grids[static_cast<std::size_t>(segments[n].direction)], n);
-        }
+        parallelFor(segments.size(), 64, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t n = begin; n < end; ++n) {
+                if (segments[n].state != SegmentState::found) continue;
+                predictions[n] =
+                    predict(segments, deviations, grids[static_cast<std::size_t>(segments[n].direction)], n);
+            }
+        });
         if (round == 0) chargeRoughness(segments, predictions);
         for (std::size_t n = 0; n < segments.size(); ++n) {
             if (segments[n].state != SegmentState::found) continue;
