@@ -39,9 +39,10 @@ constexpr double kMaxPitchRatio = 1.12;  // between the two directions, at the m
 constexpr double kMaxSkewRad = 0.12;
 constexpr double kMaxPitchChange = 1.4;    // over the image, against its median
 constexpr double kMaxContrastRatio = 2.0;  // between directions
-constexpr double kMaxAlternation = 0.35;   // of contrast between odd and even grooves
-constexpr int kMinSegments = 20;           // of each direction
-constexpr double kFewShare = 0.6;          // found / expected: less is worth a warning
+constexpr double kMaxAlternation = 0.35;   // of contrast between every second, third, ... groove
+constexpr int kMaxMultiple = 7;
+constexpr int kMinSegments = 20;   // of each direction
+constexpr double kFewShare = 0.6;  // found / expected: less is worth a warning
 
 struct Candidate {
     CoarseLattice lattice;
@@ -269,19 +270,28 @@ std::string contradiction(const std::vector<Segment>& segments, const LatticeMap
         return fmt::format("a contrast of {:.1f} % across one direction and {:.1f} % across the other", 100 * cx,
                            100 * cy);
     for (int direction = 0; direction < 2; ++direction) {
-        std::array<std::vector<double>, 2> contrast;
         int low = std::numeric_limits<int>::max(), high = std::numeric_limits<int>::min();
         for (const Segment& segment : segments) {
-            if (segment.direction != direction || segment.state == SegmentState::outside || segment.contrast == 0)
-                continue;
-            contrast[static_cast<std::size_t>(segment.index & 1)].push_back(segment.contrast);
-            if (segment.state != SegmentState::found) continue;
+            if (segment.direction != direction || segment.state != SegmentState::found) continue;
             low = std::min(low, segment.index);
             high = std::max(high, segment.index);
         }
-        const double even = median(contrast[0]), odd = median(contrast[1]);
-        if (!(std::abs(even - odd) < kMaxAlternation * std::max(even, odd)))
-            return fmt::format("lines that are strong and weak by turns ({:.1f} and {:.1f} %)", 100 * even, 100 * odd);
+        // A lattice finer than the plate's finds a groove only at every second, third, ... of its lines.
+        for (int step = 2; step <= kMaxMultiple && 3 * step <= high - low + 1; ++step) {
+            std::vector<std::vector<double>> contrast(static_cast<std::size_t>(step));
+            for (const Segment& segment : segments)
+                if (segment.direction == direction && segment.contrast != 0 && segment.index >= low &&
+                    segment.index <= high)
+                    contrast[static_cast<std::size_t>((segment.index - low) % step)].push_back(segment.contrast);
+            double least = std::numeric_limits<double>::infinity(), most = 0;
+            for (const auto& values : contrast) {
+                least = std::min(least, median(values));
+                most = std::max(most, median(values));
+            }
+            if (!(most - least < kMaxAlternation * most))
+                return fmt::format("lines of which every {}. is stronger than the others ({:.1f} and {:.1f} %)", step,
+                                   100 * most, 100 * least);
+        }
         const int allowed = plate.grooves.value_or(std::array{1 << 20, 1 << 20})[static_cast<std::size_t>(direction)];
         const int most = std::max(
             allowed, plate.grooves.value_or(std::array{1 << 20, 1 << 20})[1 - static_cast<std::size_t>(direction)]);

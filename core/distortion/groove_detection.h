@@ -37,7 +37,7 @@ struct GrooveDetectionOptions {
     double min_pitch_px = 8;
     double max_pitch_px = 80;
     // Segments found / segments that the lattice lets expect in the lit field. Below it the lattice is not trusted.
-    double min_found_share = 0.3;
+    double min_found_share = 0.4;
 
     // Names the field, the value and the limit.
     Result<void> validate() const;
