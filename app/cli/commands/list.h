@@ -10,10 +10,11 @@ namespace fluorocut::cli {
 Command declareDrr(CLI::App& parent);
 Command declarePhantom(CLI::App& parent);
 Command declareCutVolume(CLI::App& parent);
+Command declareCalibrate(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 
-inline constexpr std::array<Declare, 5> kCommands{declareDrr, declarePhantom, declareCutVolume, declareFabricate,
-                                                  declareInfo};
+inline constexpr std::array<Declare, 6> kCommands{declareDrr,       declarePhantom,   declareCutVolume,
+                                                  declareCalibrate, declareFabricate, declareInfo};
 
 }  // namespace fluorocut::cli
