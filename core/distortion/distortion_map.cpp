@@ -134,22 +134,19 @@ Vector2 DistortionMap::distortedPixel(const Vector2& ideal_px) const {
     return pixelFromDetector((ideal_px - middle()) * parts_.pixel_mm);
 }
 
-void DistortionMap::idealRow(const Vector2& first, std::span<Vector2> ideal) const {
+void DistortionMap::detectorRow(const Vector2& first, double step, std::span<Vector2> detector_mm) const {
     // The support's part of a row in one piece of the model's batch call; pixel by pixel beyond.
-    const auto at = [&](std::size_t i) { return Vector2(first + Vector2(static_cast<double>(i), 0)); };
-    const double scale = 1 / parts_.pixel_mm;
-    const Matrix2 turn = scale * rotation_;
-    const Vector2 shift = middle() + scale * parts_.detector_from_plate.shift_mm;
+    const auto at = [&](std::size_t i) { return Vector2(first + Vector2(step * static_cast<double>(i), 0)); };
     std::size_t i = 0;
-    while (i < ideal.size()) {
+    while (i < detector_mm.size()) {
         std::size_t end = i;
-        while (end < ideal.size() && parts_.support.contains(at(end)))
+        while (end < detector_mm.size() && parts_.support.contains(at(end)))
             ++end;
-        smoothModel().plateFromRow(at(i), 1, ideal.subspan(i, end - i));
+        smoothModel().plateFromRow(at(i), step, detector_mm.subspan(i, end - i));
         for (; i < end; ++i)
-            ideal[i] = turn * ideal[i] + shift;
-        for (; i < ideal.size() && !parts_.support.contains(at(i)); ++i)
-            ideal[i] = idealPixel(at(i));
+            detector_mm[i] = rotation_ * detector_mm[i] + parts_.detector_from_plate.shift_mm;
+        for (; i < detector_mm.size() && !parts_.support.contains(at(i)); ++i)
+            detector_mm[i] = detectorFromPixel(at(i));
     }
 }
 
@@ -276,6 +273,12 @@ class MapDistortion final : public Distortion {
     }
     Vector2 undistorted(const Vector2& distorted_mm) const override {
         return map_.detectorFromPixel(distorted_mm.cwiseQuotient(pixel_mm_) + principal_px_) - principal_mm_;
+    }
+    void undistortedRow(const Vector2& first_mm, double step_mm, std::span<Vector2> undistorted_mm) const override {
+        const Vector2 first = first_mm.cwiseQuotient(pixel_mm_) + principal_px_;
+        map_.detectorRow(first, step_mm / pixel_mm_.x(), undistorted_mm);
+        for (Vector2& point : undistorted_mm)
+            point -= principal_mm_;
     }
 
   private:

@@ -115,8 +115,8 @@ class DistortionMap {
 
     Vector2 idealPixel(const Vector2& pixel) const;         // straight from distorted
     Vector2 distortedPixel(const Vector2& ideal_px) const;  // distorted from straight
-    // ideal[i] = idealPixel(first + i * (1, 0)).
-    void idealRow(const Vector2& first, std::span<Vector2> ideal) const;
+    // detector_mm[i] = detectorFromPixel(first + i * (step, 0)): rows of pixels, quickly.
+    void detectorRow(const Vector2& first, double step, std::span<Vector2> detector_mm) const;
 
   private:
     DistortionMap() = default;

@@ -57,6 +57,17 @@ Vector2 CArm::distortedPixel(const Vector2& ideal_px) const {
     return pixelFromPlane(*this, distortion->distorted(planeFromPixel(*this, ideal_px)));
 }
 
+void CArm::idealRow(int y, std::span<Vector2> ideal_px) const {
+    if (!distortion) {
+        for (std::size_t x = 0; x < ideal_px.size(); ++x)
+            ideal_px[x] = Vector2(static_cast<double>(x), y);
+        return;
+    }
+    distortion->undistortedRow(planeFromPixel(*this, Vector2(0, y)), pixel_mm.x(), ideal_px);
+    for (Vector2& pixel : ideal_px)
+        pixel = pixelFromPlane(*this, pixel);
+}
+
 CArm CArm::ideal() const {
     CArm result = *this;
     result.distortion = nullptr;

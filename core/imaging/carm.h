@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 
 #include "core/base/result.h"
@@ -42,6 +43,9 @@ struct CArm {
     // Pixel coordinates with and without distortion.
     Vector2 idealPixel(const Vector2& distorted_px) const;
     Vector2 distortedPixel(const Vector2& ideal_px) const;
+    // ideal_px[x] = idealPixel({x, y}) for the pixels of a row.
+    void idealRow(int y, std::span<Vector2> ideal_px) const;
+    PixelGrid pixelGrid() const { return {columns, rows, pixel_mm, principal_point_px}; }
 
     // The same imager without its distortion.
     CArm ideal() const;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <span>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -156,11 +158,13 @@ class ScatteredRays {
     explicit ScatteredRays(const CArm& carm) : columns_(carm.columns), rows_(carm.rows) {
         const std::size_t pixels = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
         std::vector<Vector2> directions(pixels);
-        parallelFor(pixels, 4096, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t p = begin; p < end; ++p) {
-                const Vector2 pixel(static_cast<double>(p % static_cast<std::size_t>(columns_)),
-                                    static_cast<double>(p / static_cast<std::size_t>(columns_)));
-                directions[p] = carm.idealPixel(pixel) - carm.principal_point_px;
+        parallelFor(static_cast<std::size_t>(rows_), 8, [&](std::size_t begin, std::size_t end) {
+            const auto columns = static_cast<std::size_t>(columns_);
+            for (std::size_t y = begin; y < end; ++y) {
+                const std::span<Vector2> row(&directions[y * columns], columns);
+                carm.idealRow(static_cast<int>(y), row);
+                for (Vector2& direction : row)
+                    direction -= carm.principal_point_px;
             }
         });
         Vector2 low = Vector2::Constant(std::numeric_limits<double>::infinity()), high = -low;
@@ -219,6 +223,10 @@ class ScatteredRays {
         std::size_t pixel;
     };
 
+  public:
+    static constexpr std::size_t kBytesPerPixel = sizeof(Ray) + sizeof(std::size_t);
+
+  private:
     int cell(double value, int axis) const {
         return static_cast<int>(
             std::clamp<double>(std::floor((value - low_[axis]) / cell_[axis]), 0, (axis == 0 ? columns_ : rows_) - 1));
@@ -336,7 +344,11 @@ Image projectCenters(const CArm& carm, const Rigid3& imager_from_mesh, const Tri
         projectFaces(RegularRays(carm), carm, mesh.triangles, vertices, image.pixels().data());
         return image;
     }
-    const ScatteredRays rays(carm);
+    const std::size_t pixels = static_cast<std::size_t>(carm.columns) * static_cast<std::size_t>(carm.rows);
+    const auto known =
+        carm.distortion->cache().get<ScatteredRays>(carm.pixelGrid(), pixels * ScatteredRays::kBytesPerPixel,
+                                                    [&] { return std::make_shared<const ScatteredRays>(carm); });
+    const ScatteredRays& rays = *known;
     Image image(carm.columns, carm.rows, std::numeric_limits<float>::quiet_NaN());
     for (std::size_t slot = 0; slot < rays.firstSlot(rays.rows()); ++slot)
         image.pixels()[rays.pixelOfSlot(slot)] = 0;

@@ -37,13 +37,9 @@ class AlignedArray {
 // The four corners of the image in ideal pixel coordinates (of the box around all of them for a distorted imager).
 std::array<Vector2, 4> corners(const ProjectionGeometry& g) {
     Vector2 low(0, 0), high(g.columns - 1, g.rows - 1);
-    if (!g.ideal_pixels.empty()) {
-        low.setConstant(1e30);
-        high.setConstant(-1e30);
-        for (const Eigen::Vector2f& p : g.ideal_pixels) {
-            low = low.cwiseMin(p.cast<double>());
-            high = high.cwiseMax(p.cast<double>());
-        }
+    if (g.ideal_pixels) {
+        low = g.ideal_pixels->low;
+        high = g.ideal_pixels->high;
     }
     return {Vector2(low.x(), low.y()), Vector2(high.x(), low.y()), Vector2(low.x(), high.y()),
             Vector2(high.x(), high.y())};
@@ -328,7 +324,7 @@ void warpAll(const BasePlane& base, const ProjectionGeometry& g, double scale, i
                 for (std::size_t s = 0; s < samples.offset.size(); ++s) {
                     w.x = x[s].data();
                     w.y = nullptr;
-                    if (!g.ideal_pixels.empty()) {
+                    if (g.ideal_pixels) {
                         distorted_x.resize(static_cast<std::size_t>(columns));
                         distorted_y.resize(static_cast<std::size_t>(columns));
                         for (int i = 0; i < columns; ++i) {
