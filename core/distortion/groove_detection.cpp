@@ -237,9 +237,11 @@ std::vector<Segment> onlyNew(std::vector<Segment> segments, const std::vector<Se
 
 std::string seenSentence(const std::vector<Segment>& segments, double pitch_px, double noise) {
     const GrooveCounts y = count(segments, 0), x = count(segments, 1);
-    return fmt::format("{} of {} groove segments (pitch {:.1f} px, contrast {:.1f} %, noise of a pixel {:.1f} %)",
-                       y.found + x.found, y.expected + x.expected, pitch_px,
-                       50 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 100 * noise);
+    const std::string seen =
+        fmt::format("{} of {} groove segments (pitch {:.1f} px", y.found + x.found, y.expected + x.expected, pitch_px);
+    if (y.found + x.found == 0) return seen + ")";
+    return seen + fmt::format(", contrast {:.1f} %, noise of a pixel {:.1f} %)",
+                              50 * (medianContrast(segments, 0) + medianContrast(segments, 1)), 100 * noise);
 }
 
 // A lattice that is not the plate's, though it looks like it cell by cell. Empty: none of that.
