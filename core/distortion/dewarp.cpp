@@ -247,7 +247,8 @@ struct Dewarper::Implementation {
                 const float* from = coefficients.row(v + kPad);
                 for (int x = 0; x < columns; ++x) {
                     const float u = static_cast<float>(x) + shift[static_cast<std::size_t>(x)];
-                    const float inside = std::clamp(u, -0.5F, static_cast<float>(columns) - 0.5F) + kPad;
+                    // In this order a shift that is no number lands at the border.
+                    const float inside = std::max(-0.5F, std::min(u, static_cast<float>(columns) - 0.5F)) + kPad;
                     const int column = static_cast<int>(inside);
                     const std::array<float, 4> w = splineWeights(inside - static_cast<float>(column));
                     const float* c = from + column - 1;
