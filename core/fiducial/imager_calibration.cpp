@@ -18,6 +18,8 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 const std::string kWhere = "intrinsics of the imager";
+// Tilting does not help the centre (see the header): numbers and width do.
+constexpr const char* kCenterAdvice = "add views with other tilts, with beads out to the image's rim; each one counts";
 // Weak enough to leave every usable answer alone, strong enough that an unusable one does not run off to infinity.
 constexpr double kFarFocalSigma = 0.5;
 constexpr double kFarCenterSigma = 0.25;  // of the image's width
@@ -187,7 +189,7 @@ class Calibration {
                 correlation = std::max(correlation, view.center_tilt_correlation.cwiseAbs().maxCoeff());
             result.weak_directions.push_back(
                 fmt::format("The image centre cannot be told well from the phantom's tilt (correlation {:.4f}): {}.",
-                            correlation, advice()));
+                            correlation, kCenterAdvice));
         }
         if (options_.pixel_scale_source == PixelScaleSource::assumed) {
             result.warnings.push_back(
