@@ -5,6 +5,9 @@
 
 #include <unistd.h>
 
+#include "core/distortion/distortion_map.h"
+#include "core/imaging/carm_file.h"
+
 namespace fluorocut::cli {
 
 namespace fs = std::filesystem;
@@ -18,6 +21,10 @@ bool isInside(const fs::path& path, const fs::path& folder) {
 }
 
 }  // namespace
+
+Result<CArm> readImager(const std::filesystem::path& path) {
+    return readCArm(path, distortionReaders());
+}
 
 std::string extensionOf(const fs::path& path) {
     std::string extension = path.extension().string();

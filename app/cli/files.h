@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/base/result.h"
+#include "core/imaging/carm.h"
 
 namespace fluorocut::cli {
 
@@ -14,6 +15,9 @@ namespace fluorocut::cli {
 // and through whatever link; for an input that is a folder, any file in it.
 Result<void> checkOutput(const std::filesystem::path& output, const std::vector<std::filesystem::path>& inputs,
                          const std::vector<std::string>& extensions);
+
+// A C-arm's file, with the distortion map that it names.
+Result<CArm> readImager(const std::filesystem::path& path);
 
 // ".png", ".nii.gz": lower case.
 std::string extensionOf(const std::filesystem::path& path);

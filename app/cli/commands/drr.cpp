@@ -12,7 +12,6 @@
 #include "app/cli/files.h"
 #include "app/cli/options.h"
 #include "app/cli/patient.h"
-#include "core/imaging/carm_file.h"
 #include "core/imaging/display_picture.h"
 #include "core/imaging/standard_views.h"
 #include "core/imaging/volume_projector.h"
@@ -88,7 +87,7 @@ Result<Geometry> readGeometry(const Options& options, const VolumeGrid& grid) {
     if (options.carm.empty()) {
         geometry.carm = standardCArm();
     } else {
-        Result<CArm> carm = readCArm(options.carm);
+        Result<CArm> carm = readImager(options.carm);
         if (!carm) return carm.error();
         geometry.carm = *carm;
     }

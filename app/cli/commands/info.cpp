@@ -5,15 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "app/cli/commands/info_json.h"
 #include "app/cli/commands/list.h"
 #include "app/cli/files.h"
-#include "core/base/units.h"
-#include "core/imaging/carm_file.h"
+#include "app/cli/numbers.h"
 #include "core/io/file_format.h"
 #include "core/io/image_file.h"
-#include "core/io/json_file.h"
 #include "core/io/mesh_file.h"
-#include "core/io/pose_file.h"
 #include "core/io/volume_file.h"
 
 namespace fluorocut::cli {
@@ -24,30 +22,6 @@ struct Options {
     int frame = 1;
     std::string mesh_unit = "mm";
 };
-
-template <class Vector>
-nlohmann::ordered_json arrayOf(const Vector& vector) {
-    nlohmann::ordered_json array = nlohmann::ordered_json::array();
-    for (Eigen::Index i = 0; i < vector.size(); ++i)
-        array.push_back(vector[i]);
-    return array;
-}
-
-nlohmann::ordered_json rowsOf(const Eigen::MatrixXd& matrix) {
-    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (Eigen::Index r = 0; r < matrix.rows(); ++r)
-        rows.push_back(arrayOf(matrix.row(r)));
-    return rows;
-}
-
-template <class Vector>
-std::string listText(const Vector& vector, const char* format = "{:.5g}", const char* separator = ", ") {
-    std::string text;
-    for (Eigen::Index i = 0; i < vector.size(); ++i) {
-        text += (i > 0 ? separator : "") + fmt::format(fmt::runtime(format), vector[i]);
-    }
-    return text;
-}
 
 std::string depthText(int bits, bool is_signed, bool is_float) {
     return fmt::format("{} bits, {}", bits, is_float ? "real numbers" : is_signed ? "signed" : "unsigned");
@@ -187,65 +161,6 @@ Report reportOf(const MeshInfo& info) {
     return report;
 }
 
-Report reportOf(const Pose& pose) {
-    const Vector3 angles = pose.target_from_source.twistRollPitch();
-    const Vector3 angles_deg(degreesFromRadians(angles.x()), degreesFromRadians(angles.y()),
-                             degreesFromRadians(angles.z()));
-    Report report;
-    report.json = {{"kind", "pose"},
-                   {"format", "JSON"},
-                   {"target", name(pose.target)},
-                   {"source", name(pose.source)},
-                   {"matrix", rowsOf(pose.target_from_source.matrix())}};
-    report.line("pose", fmt::format("{} from {}", name(pose.target), name(pose.source)));
-    report.line("translation", listText(pose.target_from_source.translation(), "{:.6g}") + " mm");
-    report.line("twist, roll, pitch", listText(angles_deg, "{:.6g}") + " degrees");
-    if (pose.covariance) {
-        report.json["covariance"] = rowsOf(*pose.covariance);
-        const Vector6 deviation = pose.covariance->diagonal().cwiseSqrt();
-        const Vector3 turns_deg = deviation.tail<3>() * degreesFromRadians(1);
-        report.line("std. deviation", fmt::format("{} mm, {} degrees", listText(Vector3(deviation.head<3>()), "{:.3g}"),
-                                                  listText(turns_deg, "{:.3g}")));
-    } else {
-        report.json["covariance"] = nullptr;
-    }
-    return report;
-}
-
-Report reportOf(const CArm& carm) {
-    Report report;
-    report.json = {{"kind", "carm"},
-                   {"format", "JSON"},
-                   {"name", carm.name},
-                   {"size", {carm.columns, carm.rows}},
-                   {"pixel_mm", arrayOf(carm.pixel_mm)},
-                   {"focal_length_mm", carm.focal_length_mm},
-                   {"principal_point_px", arrayOf(carm.principal_point_px)},
-                   {"has_distortion", carm.distortion != nullptr}};
-    report.line("C-arm", carm.name);
-    report.line("size", fmt::format("{} x {} px", carm.columns, carm.rows));
-    report.line("pixel", listText(carm.pixel_mm, "{:.5g}", " x ") + " mm");
-    report.line("focal length", fmt::format("{:.6g} mm", carm.focal_length_mm));
-    report.line("principal point", listText(carm.principal_point_px, "{:.6g}") + " px");
-    report.line("distortion", carm.distortion ? "yes" : "none");
-    return report;
-}
-
-template <class T>
-Result<Report> reportOrError(const Result<T>& read) {
-    if (!read) return read.error();
-    return reportOf(*read);
-}
-
-Result<Report> infoOfJson(const Options& options) {
-    const Result<std::string> schema = jsonSchema(options.file);
-    if (!schema) return schema.error();
-    if (*schema == "fluorocut/pose/1") return reportOrError(readPose(options.file));
-    if (*schema == "fluorocut/carm/1") return reportOrError(readCArm(options.file));
-    return invalidInput(options.file + ", field schema", schema->empty() ? "nothing" : "\"" + *schema + "\"",
-                        "fluorocut/pose/1 or fluorocut/carm/1");
-}
-
 Result<Report> infoOfVolume(const Options& options, Progress& progress) {
     const Result<VolumeFile> file = readVolume(options.file, {}, progress);
     if (!file) return file.error();
@@ -292,7 +207,7 @@ Result<Report> run(const Options& options, Progress& progress) {
             case FileFormat::ply:
                 return infoOfMesh(options);
             case FileFormat::json:
-                return infoOfJson(options);
+                return infoOfJson(options.file);
             case FileFormat::unknown:
                 break;
         }

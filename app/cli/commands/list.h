@@ -10,11 +10,13 @@ namespace fluorocut::cli {
 Command declareDrr(CLI::App& parent);
 Command declarePhantom(CLI::App& parent);
 Command declareCutVolume(CLI::App& parent);
+Command declareDewarp(CLI::App& parent);
 Command declareCalibrate(CLI::App& parent);
-Command declareInfo(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
+Command declarePaperTables(CLI::App& parent);
+Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 6> kCommands{declareDrr,       declarePhantom,   declareCutVolume,
-                                                  declareCalibrate, declareFabricate, declareInfo};
+inline constexpr std::array<Declare, 8> kCommands{declareDrr,       declarePhantom,   declareCutVolume,   declareDewarp,
+                                                  declareCalibrate, declareFabricate, declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli

@@ -13,7 +13,6 @@
 #include "app/cli/files.h"
 #include "app/cli/options.h"
 #include "core/base/units.h"
-#include "core/imaging/carm_file.h"
 #include "core/io/atomic_file.h"
 #include "core/io/image_file.h"
 #include "core/io/pose_file.h"
@@ -87,7 +86,7 @@ CArmPosition positionOf(const Exposing& e) {
 Result<OperatingRoomOptions> roomOptions(const Exposing& e) {
     OperatingRoomOptions options = OperatingRoomOptions{}.withoutErrors();
     if (!e.carm.empty()) {
-        const Result<CArm> carm = readCArm(e.carm);
+        const Result<CArm> carm = readImager(e.carm);
         if (!carm) return carm.error();
         options.nominal_carm = *carm;
     }

@@ -1,0 +1,191 @@
+#include "app/cli/commands/info_json.h"
+
+#include <functional>
+#include <map>
+
+#include "app/cli/files.h"
+#include "app/cli/numbers.h"
+#include "core/base/units.h"
+#include "core/distortion/distortion_acceptance.h"
+#include "core/distortion/distortion_map_set.h"
+#include "core/distortion/grooved_plate.h"
+#include "core/fiducial/bead_layout.h"
+#include "core/io/json_file.h"
+#include "core/io/pose_file.h"
+
+namespace fluorocut::cli {
+namespace {
+
+Report reportOf(const Pose& pose) {
+    const Vector3 angles = pose.target_from_source.twistRollPitch();
+    const Vector3 angles_deg(degreesFromRadians(angles.x()), degreesFromRadians(angles.y()),
+                             degreesFromRadians(angles.z()));
+    Report report;
+    report.json = {{"kind", "pose"},
+                   {"format", "JSON"},
+                   {"target", name(pose.target)},
+                   {"source", name(pose.source)},
+                   {"matrix", rowsOf(pose.target_from_source.matrix())}};
+    report.line("pose", fmt::format("{} from {}", name(pose.target), name(pose.source)));
+    report.line("translation", listText(pose.target_from_source.translation(), "{:.6g}") + " mm");
+    report.line("twist, roll, pitch", listText(angles_deg, "{:.6g}") + " degrees");
+    if (pose.covariance) {
+        report.json["covariance"] = rowsOf(*pose.covariance);
+        const Vector6 deviation = pose.covariance->diagonal().cwiseSqrt();
+        const Vector3 turns_deg = deviation.tail<3>() * degreesFromRadians(1);
+        report.line("std. deviation", fmt::format("{} mm, {} degrees", listText(Vector3(deviation.head<3>()), "{:.3g}"),
+                                                  listText(turns_deg, "{:.3g}")));
+    } else {
+        report.json["covariance"] = nullptr;
+    }
+    return report;
+}
+
+Report reportOf(const CArm& carm) {
+    Report report;
+    report.json = {{"kind", "carm"},
+                   {"format", "JSON"},
+                   {"name", carm.name},
+                   {"size", {carm.columns, carm.rows}},
+                   {"pixel_mm", arrayOf(carm.pixel_mm)},
+                   {"focal_length_mm", carm.focal_length_mm},
+                   {"principal_point_px", arrayOf(carm.principal_point_px)},
+                   {"has_distortion", carm.distortion != nullptr}};
+    report.line("C-arm", carm.name);
+    report.line("size", fmt::format("{} x {} px", carm.columns, carm.rows));
+    report.line("pixel", listText(carm.pixel_mm, "{:.5g}", " x ") + " mm");
+    report.line("focal length", fmt::format("{:.6g} mm", carm.focal_length_mm));
+    report.line("principal point", listText(carm.principal_point_px, "{:.6g}") + " px");
+    report.line("distortion", carm.distortion ? "yes" : "none");
+    return report;
+}
+
+Report reportOf(const GroovedPlate& plate) {
+    Report report;
+    report.json = {{"kind", "plate"},
+                   {"format", "JSON"},
+                   {"pitch_mm", plate.pitch_mm},
+                   {"groove_width_mm", plate.groove_width_mm},
+                   {"groove_depth_mm", plate.groove_depth_mm},
+                   {"thickness_mm", plate.thickness_mm},
+                   {"material", name(plate.material)},
+                   {"groove_contrast", plate.grooveContrast()}};
+    report.line("plate", fmt::format("{} {:.5g} mm thick", name(plate.material), plate.thickness_mm));
+    report.line("grooves", fmt::format("{:.5g} mm wide, {:.5g} mm deep, every {:.5g} mm", plate.groove_width_mm,
+                                       plate.groove_depth_mm, plate.pitch_mm));
+    if (plate.grooves) {
+        report.json["grooves"] = *plate.grooves;
+        report.line("number", fmt::format("{} along y, {} along x", (*plate.grooves)[0], (*plate.grooves)[1]));
+    }
+    report.line("contrast", fmt::format("{:.1f} % at 60 keV, without scatter", 100 * plate.grooveContrast()));
+    return report;
+}
+
+Report reportOf(const BeadLayout& layout) {
+    Vector3 low = layout.beads.front().center_mm, high = low;
+    double least_mm = layout.beads.front().diameter_mm, most_mm = least_mm;
+    for (const Bead& bead : layout.beads) {
+        low = low.cwiseMin(bead.center_mm);
+        high = high.cwiseMax(bead.center_mm);
+        least_mm = std::min(least_mm, bead.diameter_mm);
+        most_mm = std::max(most_mm, bead.diameter_mm);
+    }
+    Report report;
+    report.json = {{"kind", "beads"},
+                   {"format", "JSON"},
+                   {"frame", name(layout.frame)},
+                   {"beads", layout.beads.size()},
+                   {"least_mm", arrayOf(low)},
+                   {"most_mm", arrayOf(high)}};
+    report.line("beads", fmt::format("{} in frame {}", layout.beads.size(), name(layout.frame)));
+    report.line("diameters", fmt::format("{:.4g} to {:.4g} mm", least_mm, most_mm));
+    report.line("extent", listText(Vector3(high - low), "{:.4g}", " x ") + " mm");
+    return report;
+}
+
+std::string positionText(const DistortionMapParts& parts) {
+    if (!parts.position) return "not stated";
+    return fmt::format("orbital {:.4g}, angulation {:.4g} degrees", degreesFromRadians(parts.position->orbital_rad),
+                       degreesFromRadians(parts.position->angulation_rad));
+}
+
+Report reportOf(const DistortionMap& map) {
+    const DistortionQuality& quality = map.quality();
+    const MapUncertainty uncertainty = uncertaintyOf(map);
+    Report report;
+    report.json = {
+        {"kind", "distortion"},
+        {"format", "JSON"},
+        {"model", map.model().name()},
+        {"size", {map.columns(), map.rows()}},
+        {"pixel_mm", map.pixelMm()},
+        {"residual_px", quality.rms_px},
+        {"residual_mm", quality.rms_mm},
+        {"points_used", quality.points_used},
+        {"coverage", quality.coverage},
+        {"uncertainty_mm",
+         {{"middle", uncertainty.middle_mm}, {"rms", uncertainty.rms_mm}, {"largest", uncertainty.largest_mm}}},
+        {"measured_at", map.parts().measured_at}};
+    report.line("distortion map", std::string(map.model().name()));
+    report.line("size", fmt::format("{} x {} px of {:.5f} mm", map.columns(), map.rows(), map.pixelMm()));
+    report.line("points", fmt::format("{} used, {} rejected", quality.points_used, quality.points_rejected));
+    report.line("coverage", fmt::format("{:.0f} % of the image", 100 * quality.coverage));
+    report.line("residual", fmt::format("{:.3f} px, {:.4f} mm rms", quality.rms_px, quality.rms_mm));
+    report.line("uncertainty", fmt::format("{:.4f} mm in the middle, {:.4f} mm at most", uncertainty.middle_mm,
+                                           uncertainty.largest_mm));
+    report.line("C-arm", positionText(map.parts()));
+    report.line("measured", map.parts().measured_at.empty() ? "not stated" : map.parts().measured_at);
+    for (const std::string& warning : quality.warnings)
+        report.line("warning", warning);
+    return report;
+}
+
+Report reportOf(const DistortionMapSet& set) {
+    Report report;
+    report.json = {{"kind", "distortion-set"}, {"format", "JSON"}, {"maps", nlohmann::ordered_json::array()}};
+    report.line("distortion maps", std::to_string(set.maps().size()));
+    for (const DistortionMap& map : set.maps()) {
+        const DistortionMapParts& parts = map.parts();
+        report.json["maps"].push_back({{"orbital_deg", degreesFromRadians(parts.position->orbital_rad)},
+                                       {"angulation_deg", degreesFromRadians(parts.position->angulation_rad)},
+                                       {"measured_at", parts.measured_at}});
+        report.line("map", positionText(parts) + ", " + parts.measured_at);
+    }
+    return report;
+}
+
+template <class T>
+Result<Report> reportOrError(const Result<T>& read) {
+    if (!read) return read.error();
+    return reportOf(*read);
+}
+
+using Reader = std::function<Result<Report>(const std::filesystem::path&)>;
+
+const std::map<std::string, Reader>& readers() {
+    static const std::map<std::string, Reader> all{
+        {"fluorocut/pose/1", [](const auto& file) { return reportOrError(readPose(file)); }},
+        {"fluorocut/carm/1", [](const auto& file) { return reportOrError(readImager(file)); }},
+        {"fluorocut/plate/1", [](const auto& file) { return reportOrError(readGroovedPlate(file)); }},
+        {"fluorocut/beads/1", [](const auto& file) { return reportOrError(readBeadLayout(file)); }},
+        {"fluorocut/distortion/1", [](const auto& file) { return reportOrError(readDistortionMap(file)); }},
+        {"fluorocut/distortion-set/1", [](const auto& file) { return reportOrError(readDistortionMapSet(file)); }},
+    };
+    return all;
+}
+
+}  // namespace
+
+Result<Report> infoOfJson(const std::filesystem::path& file) {
+    const Result<std::string> schema = jsonSchema(file);
+    if (!schema) return schema.error();
+    const auto reader = readers().find(*schema);
+    if (reader != readers().end()) return reader->second(file);
+    std::string known;
+    for (const auto& [name, read] : readers())
+        known += (known.empty() ? "" : ", ") + name;
+    return invalidInput(file.string() + ", field schema", schema->empty() ? "nothing" : fmt::format("\"{}\"", *schema),
+                        "one of " + known);
+}
+
+}  // namespace fluorocut::cli
