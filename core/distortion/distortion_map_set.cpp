@@ -175,7 +175,8 @@ Result<DistortionMap> DistortionMapSet::mapAt(const CArmPosition& position, cons
         nearest.columns(), nearest.rows(), std::max(nearest.columns(), nearest.rows()) / kTableSteps,
         [&](const Vector2& pixel) -> Vector2 { return values(pixel).transpose() * weights.weights; },
         [&](const Vector2& pixel) -> Matrix2 {
-            const double spread = (left_out * values(pixel)).squaredNorm() / (2 * static_cast<double>(n));
+            // The worst of a few: their mean has been too hopeful.
+            const double spread = 0.5 * (left_out * values(pixel)).rowwise().squaredNorm().maxCoeff();
             Matrix2 sum = weights.variance * spread * Matrix2::Identity();
             for (Eigen::Index i = 0; i < n; ++i) {
                 const Matrix2 one = use[static_cast<std::size_t>(i)]->covariance(pixel);

@@ -34,7 +34,9 @@ using Matrix2 = Eigen::Matrix2d;
 
 struct DistortionFitOptions {
     std::string model = "polynomial";  // one of those that can be fitted
-    int order = 5;                     // of the polynomial, 1 to 9; 0: chosen from the data
+    // Of the polynomial, 1 to 9. 0: chosen from the points; on simulated intensifiers that is a third better than
+    // always 5.
+    int order = 0;
     // Of the straight image; NaN: the scale in the middle of the distorted one.
     double pixel_mm = std::numeric_limits<double>::quiet_NaN();
 

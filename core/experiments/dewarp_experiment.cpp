@@ -42,7 +42,7 @@ Rigid3 beforeDetector(const Vector2& place_mm, double depth_mm, double turn_rad)
 
 std::vector<HeldObject> drawOverlay(Random& random, double half_field_mm) {
     LimbOptions limb;
-    const double turn = random.uniform(0, std::numbers::pi);
+    const double turn = random.uniform(-0.35, 0.35);  // it lies along the table, more or less
     limb.axis_in_room = Vector3(std::sin(turn), 0, std::cos(turn));
     limb.middle_in_room = Vector3(random.uniform(-20, 20), random.uniform(-20, 20), random.uniform(-20, 20));
     std::vector<HeldObject> overlay = heldLimb(limb).value();

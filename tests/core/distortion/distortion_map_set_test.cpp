@@ -128,9 +128,10 @@ TEST(DistortionMapSet, InterpolatesWhatTurnsWithFieldAndGravitySlow) {
     const Interpolation exact = interpolate(30, 0);
     EXPECT_LT(exact.mean_rms_mm, 0.003);  // 0.0014
     EXPECT_GT(exact.nearest_rms_mm, 10 * exact.mean_rms_mm);
-    // With the noise of the points it is as good as a map measured at the pose (0.012 mm).
+    // The points' noise averages out over maps (order 5 for all: 0.012 mm); what the orders chosen for single maps
+    // leave out does not (0.016 mm).
     const Interpolation noisy = interpolate(30, 0.034);
-    EXPECT_LT(noisy.mean_rms_mm, 0.014);
+    EXPECT_LT(noisy.mean_rms_mm, 0.018);
     EXPECT_GT(noisy.inside_95, 0.9);
 }
 
