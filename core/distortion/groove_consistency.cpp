@@ -25,10 +25,11 @@ constexpr int kMinNeighbours = 5;
 constexpr double kConnected = 1.6;         // pitches
 constexpr double kMaxCarriedError = 0.25;  // pitches
 constexpr double kMaxCarriedSigma = 0.1;   // pitches
-constexpr std::size_t kMinPart = 8;
-constexpr double kMapSigma = 0.02;  // pitches: the true map is not the polynomial
-constexpr double kMaxSigma = 0.06;  // pitches, of a point: beyond it is of no use
-constexpr double kMaxStep = 0.1;    // pitches from the neighbours' plane, whatever the noise
+constexpr std::size_t kMinPart = 8;        // segments that are compared
+constexpr double kAgreeingShare = 0.95;    // of them
+constexpr double kMapSigma = 0.02;         // pitches: the true map is not the polynomial
+constexpr double kMaxSigma = 0.06;         // pitches, of a point: beyond it is of no use
+constexpr double kMaxStep = 0.1;           // pitches from the neighbours' plane, whatever the noise
 
 double median(std::vector<double>& values) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -302,23 +303,43 @@ int dropUncertainParts(std::vector<Segment>& segments, const LatticeMap& map, co
     std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
 
     std::vector<Segment> main;
-    for (const std::size_t n : parts[0])
-        main.push_back(segments[n]);
-    const std::optional<LatticeMap> by_main = mapThrough(main, map, center, radius);
-    int dropped = 0;
-    for (std::size_t p = 1; p < parts.size(); ++p) {
-        const auto agrees = [&](std::size_t n) {
+    const auto join = [&](const std::vector<std::size_t>& part) {
+        for (const std::size_t n : part)
+            main.push_back(segments[n]);
+        return mapThrough(main, map, center, radius);
+    };
+    std::optional<LatticeMap> by_main = join(parts[0]);
+    parts.erase(parts.begin());
+    // A part hangs together, so that its numbers are all right or all off by as much: those of each direction are held
+    // against the main one's map where that reaches for certain. What was joined carries the map on to the next.
+    const auto isCertain = [&](const std::vector<std::size_t>& part) {
+        std::array<std::size_t, 2> members{}, reached{}, agreeing{};
+        for (const std::size_t n : part) {
             const Segment& segment = segments[n];
+            const auto direction = static_cast<std::size_t>(segment.direction);
+            ++members[direction];
+            if (!(by_main->sigma(segment.direction, segment.point()) < kMaxCarriedSigma)) continue;
+            ++reached[direction];
             const double carried = by_main->at(segment.point())[segment.direction];
-            return std::abs(carried - segment.index) < kMaxCarriedError &&
-                   by_main->sigma(segment.direction, segment.point()) < kMaxCarriedSigma;
-        };
-        const bool certain =
-            by_main && parts[p].size() >= kMinPart && std::all_of(parts[p].begin(), parts[p].end(), agrees);
-        if (certain) continue;
-        for (const std::size_t n : parts[p])
+            agreeing[direction] += std::abs(carried - segment.index) < kMaxCarriedError;
+        }
+        for (const std::size_t direction : {0, 1})
+            if (reached[direction] < std::min(kMinPart / 2, members[direction]) ||
+                static_cast<double>(agreeing[direction]) < kAgreeingShare * static_cast<double>(reached[direction]))
+                return false;
+        return reached[0] + reached[1] >= kMinPart;
+    };
+    while (by_main) {
+        const auto next = std::find_if(parts.begin(), parts.end(), isCertain);
+        if (next == parts.end()) break;
+        by_main = join(*next);
+        parts.erase(next);
+    }
+    int dropped = 0;
+    for (const auto& part : parts) {
+        for (const std::size_t n : part)
             segments[n].state = SegmentState::doubtful;
-        dropped += static_cast<int>(parts[p].size());
+        dropped += static_cast<int>(part.size());
     }
     return dropped;
 }

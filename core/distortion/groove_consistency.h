@@ -23,8 +23,9 @@ double medianContrast(const std::vector<Segment>& segments, int direction);
 //   shows they must be.
 void judgeSegments(std::vector<Segment>& segments, const LatticeMap& map);
 
-// Segments hang together within 1.6 pitches. Parts cut off from the largest one become doubtful unless the map through
-// the largest part alone puts them, with certainty, at the number they have. Returns how many were dropped.
+// Segments hang together within 1.6 pitches. A part cut off from the largest one (metal right across the field) becomes
+// doubtful unless the map through the others that are kept reaches eight or more of its segments with certainty and
+// puts them at the numbers they have. Returns how many were dropped.
 int dropUncertainParts(std::vector<Segment>& segments, const LatticeMap& map, const Vector2& center, double radius);
 
 // Robust map through the found segments, about what `map` has for its linear part; nothing when there are too few.

@@ -16,6 +16,8 @@ namespace {
 constexpr std::size_t kRowsPerPiece = 16;
 constexpr double kDarkShare = 0.03;     // of the range between dark and bright: below it a pixel counts as dark
 constexpr double kDarkSurround = 0.3;   // an image whose darkest part is brighter than this share has no dark part
+constexpr float kMinCounted = 0.01f;    // of a Gaussian's weight: less holds no mean
+constexpr int kHighPasses = 2;          // in which what stands out is left out of the mean
 constexpr double kPlateauShare = 2e-4;  // of the pixels at the largest value: more is saturation
 
 struct Levels {
@@ -183,24 +185,37 @@ Result<PreparedImage> prepare(const Image& image, double min_pitch_px) {
 }
 
 Image highPassed(const PreparedImage& image, double sigma_coarse_px, double limit) {
-    Image lit_log = image.coarse;
-    for (std::size_t n = 0; n < lit_log.size(); ++n)
-        lit_log.pixels()[n] *= image.coarse_lit.pixels()[n];
-    const Image mean = gaussianBlurred(lit_log, sigma_coarse_px);
-    const Image weight = gaussianBlurred(image.coarse_lit, sigma_coarse_px);
+    // Metal would drag the mean down around it, and what it leaves beside it is stronger than grooves. So what lies far
+    // from the mean does not count in the next mean: first what is darker, then what still stands out either way.
+    Image counted = image.coarse_lit;
     Image high(image.coarse.width(), image.coarse.height());
     std::vector<float> magnitudes;
-    magnitudes.reserve(high.size() / 8);
-    for (std::size_t n = 0; n < high.size(); ++n) {
-        if (image.coarse_lit.pixels()[n] < 0.5f || weight.pixels()[n] <= 0) continue;
-        high.pixels()[n] = image.coarse.pixels()[n] - mean.pixels()[n] / weight.pixels()[n];
-        if (n % 11 == 0) magnitudes.push_back(std::abs(high.pixels()[n]));
+    for (int pass = 0;; ++pass) {
+        Image counted_log = image.coarse;
+        for (std::size_t n = 0; n < counted_log.size(); ++n)
+            counted_log.pixels()[n] *= counted.pixels()[n];
+        const Image mean = gaussianBlurred(counted_log, sigma_coarse_px);
+        const Image weight = gaussianBlurred(counted, sigma_coarse_px);
+        magnitudes.clear();
+        for (std::size_t n = 0; n < high.size(); ++n) {
+            high.pixels()[n] = 0;
+            if (image.coarse_lit.pixels()[n] < 0.5f || weight.pixels()[n] <= kMinCounted) continue;
+            high.pixels()[n] = image.coarse.pixels()[n] - mean.pixels()[n] / weight.pixels()[n];
+            if (n % 11 == 0) magnitudes.push_back(std::abs(high.pixels()[n]));
+        }
+        if (magnitudes.empty()) return high;
+        const float largest = static_cast<float>(limit * 1.4826) * percentile(magnitudes, 0.5);
+        if (pass == kHighPasses) {
+            for (float& value : high.pixels())
+                if (std::abs(value) > largest) value = 0;
+            return high;
+        }
+        const float brightest = pass == 0 ? INFINITY : largest;
+        for (std::size_t n = 0; n < high.size(); ++n) {
+            const float value = high.pixels()[n];
+            counted.pixels()[n] = value < -largest || value > brightest ? 0 : image.coarse_lit.pixels()[n];
+        }
     }
-    if (magnitudes.empty()) return high;
-    const float largest = static_cast<float>(limit * 1.4826) * percentile(magnitudes, 0.5);
-    for (float& value : high.pixels())
-        if (std::abs(value) > largest) value = 0;
-    return high;
 }
 
 }  // namespace fluorocut::grooves

@@ -27,7 +27,8 @@ struct PreparedImage {
 Result<PreparedImage> prepare(const Image& image, double min_pitch_px);
 
 // Log intensity minus its mean under a Gaussian over the lit part; 0 where less than half of a coarse pixel is lit, and
-// where it exceeds `limit` of its robust standard deviations: the flanks of bone and metal.
+// where it exceeds `limit` of its robust standard deviations: metal, flanks of bone. Those have no part in the mean
+// either, so that grooves beside them are seen.
 Image highPassed(const PreparedImage& image, double sigma_coarse_px, double limit);
 
 }  // namespace fluorocut::grooves

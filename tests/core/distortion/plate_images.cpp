@@ -152,10 +152,10 @@ PlateImage renderPlate(const BentField& field, const PlateImageOptions& options,
                         double line_integral = 0.15 * (std::cos(x / 70) * std::cos(y / 85) - 1);
                         if (objects) {
                             line_integral += objects->tissue(x, y, grain);
-                            if (objects->metal(x, y)) {
-                                line_integral += 2.5;
-                                result.hidden(u, v) = 1;
-                            }
+                        }
+                        if (std::abs(x) < 0.5 * options.bar_mm || (objects && objects->metal(x, y))) {
+                            line_integral += 2.5;
+                            result.hidden(u, v) = 1;
                         }
                         if (options.plate_present)
                             line_integral -= options.contrast * grooves(center + du * along_u + dv * along_v);

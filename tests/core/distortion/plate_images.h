@@ -43,6 +43,7 @@ struct PlateImageOptions {
     Vector2 edge_mm = Vector2::Zero();  // edges slope over this length: walls of the grooves seen obliquely
     double field_radius = 0.49;         // of the round field, in image widths; 0: no field stop
     bool objects = false;               // ham, femur shaft, trabecular texture, clamp and screws
+    double bar_mm = 0;                  // width of a metal bar along v, right across the field's middle; 0: none
     bool plate_present = true;
     bool grooves_along_x = true;
     bool grooves_along_y = true;
