@@ -41,6 +41,9 @@ struct Measured {
     BeadCandidate candidate;
     BackgroundPatch patch;
     BeadFit fit;
+
+    Disk disk() const { return {candidate.center_px, candidate.radius_px}; }
+    int halfPatch() const { return static_cast<int>(std::ceil(2.2 * candidate.radius_px)) + 7; }
 };
 
 std::vector<Disk> neighboursOf(const std::vector<Measured>& all, std::size_t self) {
@@ -158,9 +161,9 @@ Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOption
                 return;
             }
             Measured& one = all[i];
-            const Disk disk{one.candidate.center_px, one.candidate.radius_px};
-            const int half = static_cast<int>(std::ceil(2.2 * disk.radius_px)) + 7;
-            one.patch = detection::backgroundAround(log_intensity, directions, disk, neighboursOf(all, i), half);
+            const Disk disk = one.disk();
+            one.patch = detection::backgroundAround(log_intensity, directions, disk, neighboursOf(all, i),
+                                                    one.halfPatch(), false);
             // Where the background explains it all there is nothing to fit.
             const double inner = 1 + 0.36 * M_PI * disk.radius_px * disk.radius_px;
             const double least = std::max(0.4 * options.least_contrast, 4 * one.patch.noise / std::sqrt(inner));
@@ -208,6 +211,14 @@ Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOption
                 if (!isBead(one.fit, image, options)) continue;
             } else if (!(std::abs(one.fit.depth) >= kLeastSignificanceIfWhite * one.fit.depth_sigma)) {
                 continue;
+            }
+            if (measured && one.patch.lattice) {
+                // Now that it is known for a bead, with what happens where grooves cross below it.
+                BackgroundPatch patch = detection::backgroundAround(log_intensity, directions, one.disk(),
+                                                                    neighboursOf(all, i), one.halfPatch(), true);
+                BeadFit better = detection::fitBead(image, patch, one.fit.center_px, one.fit.shape, one.fit.depth,
+                                                    prior, shared, true);
+                if (better.ok && isBead(better, image, options)) one.fit = std::move(better);
             }
             found[i].center_px = one.fit.center_px;
             found[i].covariance_px2 = one.fit.covariance_px2;

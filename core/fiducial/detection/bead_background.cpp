@@ -12,7 +12,12 @@ namespace {
 
 // A plane has 3 parameters, p and q some 60: accept them when they leave clearly less.
 constexpr double kLatticeGain = 0.8;
-constexpr int kRounds = 3;  // of robust weights
+constexpr int kRounds = 3;            // of robust weights
+constexpr int kCrossedRounds = 6;     // of those, where c is fitted as well: p, q and c settle together
+constexpr int kSweeps = 2;            // over the parts of a lattice, within one
+constexpr double kLeastLevel = 0.05;  // of a lattice's intensity, by its plane's: no groove is this deep
+// Of |c p| and |c q|: it is 1 in the middle of a groove.
+constexpr double kMostInteraction = 1.5;
 
 struct Sample {
     double x, y;  // from the bead's centre
@@ -57,6 +62,12 @@ class Ridge {
         const auto [node, part] = placeOf(s);
         return (1 - part) * values_[node] + part * values_[node + 1];
     }
+    double largest() const {
+        double most = 0;
+        for (const double value : values_)
+            most = std::max(most, std::abs(value));
+        return most;
+    }
     void fit(const std::vector<Sample>& samples, const std::vector<double>& coordinate,
              const std::vector<double>& values) {
         std::vector<double> sums(values_.size(), 0.0), weights(values_.size(), 0.0);
@@ -70,6 +81,23 @@ class Ridge {
         // One pixel's worth of zero: a node that hardly anyone has seen stays near the plane.
         for (std::size_t i = 0; i < values_.size(); ++i)
             values_[i] = sums[i] / (weights[i] + 1);
+    }
+    // A step of least squares on what is left: samples at `coordinate` see this function times their gain. Correcting
+    // what stands, not starting anew, leaves no smoothing of steep edges behind.
+    void improve(const std::vector<Sample>& samples, const std::vector<double>& coordinate,
+                 const std::vector<double>& gains, const std::vector<double>& residuals) {
+        std::vector<double> sums(values_.size(), 0.0), weights(values_.size(), 0.0);
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            const auto [node, part] = placeOf(coordinate[i]);
+            const double weight = samples[i].weight * gains[i];
+            sums[node] += weight * (1 - part) * residuals[i];
+            weights[node] += weight * gains[i] * (1 - part);
+            sums[node + 1] += weight * part * residuals[i];
+            weights[node + 1] += weight * gains[i] * part;
+        }
+        // One pixel's worth of zero: a node that hardly anyone has seen stays near the plane.
+        for (std::size_t i = 0; i < values_.size(); ++i)
+            values_[i] += (sums[i] - values_[i]) / (weights[i] + 1);
     }
 
   private:
@@ -118,6 +146,75 @@ Lattice fitLattice(const std::vector<Sample>& samples, const Vector3& plane, dou
     return lattice;
 }
 
+// plane + p + q + c p q. A groove that is cut where another is already takes nothing more away: intensity has two
+// levels, and the crossing's is that of the groove. With c = -1 / (step from land to groove) that is this model
+// exactly, whatever the blur along the axes; c = 0 and 1 are grooves that add in intensity and in log intensity.
+class CrossedLattice {
+  public:
+    CrossedLattice(double angle, double reach)
+        : p_(reach), q_(reach), cosine_(std::cos(angle)), sine_(std::sin(angle)) {}
+
+    double at(double x, double y) const {
+        const double p = p_.at(cosine_ * x + sine_ * y), q = q_.at(cosine_ * y - sine_ * x);
+        return plane_.dot(Vector3(1, x, y)) + p + q + interaction_ * p * q;
+    }
+
+    void improve(const std::vector<Sample>& samples) {
+        std::vector<double> s(samples.size()), t(samples.size()), p(samples.size()), q(samples.size());
+        std::vector<double> plane(samples.size()), gain(samples.size()), rest(samples.size());
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            s[i] = cosine_ * samples[i].x + sine_ * samples[i].y;
+            t[i] = cosine_ * samples[i].y - sine_ * samples[i].x;
+            p[i] = p_.at(s[i]);
+            q[i] = q_.at(t[i]);
+            plane[i] = plane_.dot(Vector3(1, samples[i].x, samples[i].y));
+        }
+        const auto improveRidge = [&](Ridge& own, const std::vector<double>& places, std::vector<double>& seen,
+                                      const std::vector<double>& across) {
+            for (std::size_t i = 0; i < samples.size(); ++i) {
+                gain[i] = 1 + interaction_ * across[i];
+                rest[i] = samples[i].value - plane[i] - across[i] - gain[i] * seen[i];
+            }
+            own.improve(samples, places, gain, rest);
+            for (std::size_t i = 0; i < samples.size(); ++i)
+                seen[i] = own.at(places[i]);
+        };
+        for (int sweep = 0; sweep < kSweeps; ++sweep) {
+            improveRidge(p_, s, p, q);
+            improveRidge(q_, t, q, p);
+            for (std::size_t i = 0; i < samples.size(); ++i)
+                rest[i] = samples[i].value - p[i] - q[i] - interaction_ * p[i] * q[i];
+            plane_ = planeThrough(samples, rest);
+            for (std::size_t i = 0; i < samples.size(); ++i)
+                plane[i] = plane_.dot(Vector3(1, samples[i].x, samples[i].y));
+            double sum = 0, weight = 1e-9;
+            for (std::size_t i = 0; i < samples.size(); ++i) {
+                const double product = p[i] * q[i];
+                sum += samples[i].weight * product * (samples[i].value - plane[i] - p[i] - q[i]);
+                weight += samples[i].weight * product * product;
+            }
+            const double most = kMostInteraction / std::max({p_.largest(), q_.largest(), 1e-3});
+            interaction_ = std::clamp(sum / weight, -most, most);
+        }
+    }
+
+  private:
+    Vector3 plane_ = Vector3::UnitX();
+    Ridge p_, q_;
+    double interaction_ = 0;  // c
+    double cosine_, sine_;
+};
+
+// What robust least squares with the weights of reweight() makes small (Geman and McClure).
+double robustCost(const std::vector<double>& residuals, double sigma) {
+    double sum = 0;
+    for (const double residual : residuals) {
+        const double ratio = residual / (4 * sigma);
+        sum += residual * residual / (1 + ratio * ratio);
+    }
+    return sum;
+}
+
 }  // namespace
 
 LatticeDirections::LatticeDirections(const Image& log_intensity)
@@ -151,7 +248,7 @@ double LatticeDirections::angleAt(const Vector2& place_px) const {
 }
 
 BackgroundPatch backgroundAround(const Image& log_intensity, const LatticeDirections& directions, const Disk& bead,
-                                 const std::vector<Disk>& others, int half_px) {
+                                 const std::vector<Disk>& others, int half_px, bool crossings) {
     BackgroundPatch patch;
     const int x0 = static_cast<int>(std::lround(bead.center_px.x())),
               y0 = static_cast<int>(std::lround(bead.center_px.y()));
@@ -240,6 +337,44 @@ BackgroundPatch backgroundAround(const Image& log_intensity, const LatticeDirect
     }
     patch.contrast /= std::max(1, inner);
     patch.valid = true;
+    if (!crossings || !patch.lattice) return patch;
+
+    // The same once more with crossings, from the start: what is far off where grooves only add, the crossings
+    // themselves, has lost its say above. Without neighbours that are not of the lattice. In intensity, of the plane's.
+    std::vector<Sample> seen;
+    std::vector<double> added_residuals;
+    for (const Sample& sample : samples) {
+        const int x = static_cast<int>(std::lround(sample.x + bead.center_px.x())) - patch.left;
+        const int y = static_cast<int>(std::lround(sample.y + bead.center_px.y())) - patch.top;
+        if (patch.usable(x, y) == 0) continue;
+        seen.push_back({sample.x, sample.y, std::exp(sample.value - at_plane(plane, sample)), 1});
+        added_residuals.push_back(sample.value - lattice.at(sample.x, sample.y));
+    }
+    CrossedLattice crossed(directions.angleAt(bead.center_px), std::hypot(width, height));
+    const auto crossedAt = [&](double x, double y) {
+        return plane.dot(Vector3(1, x, y)) + std::log(std::max(crossed.at(x, y), kLeastLevel));
+    };
+    residuals.resize(seen.size());
+    for (int round = 0; round < kCrossedRounds; ++round) {
+        crossed.improve(seen);
+        for (std::size_t i = 0; i < seen.size(); ++i)
+            residuals[i] = seen[i].value - crossed.at(seen[i].x, seen[i].y);
+        reweight(seen, residuals, robustSigma(residuals));
+    }
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        const double value = std::log(seen[i].value) + at_plane(plane, seen[i]);
+        residuals[i] = value - crossedAt(seen[i].x, seen[i].y);
+    }
+    const double crossed_noise = robustSigma(residuals);
+    const double sigma = std::min(crossed_noise, lattice_noise);
+    if (!(robustCost(residuals, sigma) < robustCost(added_residuals, sigma))) return patch;
+    patch.noise = crossed_noise;
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            patch.log_level(x, y) =
+                static_cast<float>(crossedAt(patch.left + x - bead.center_px.x(), patch.top + y - bead.center_px.y()));
+        }
+    }
     return patch;
 }
 

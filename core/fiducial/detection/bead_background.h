@@ -3,6 +3,10 @@
 // A plane; and where a lattice of lines explains much more, a plane + p(x') + q(y') with free functions p, q of the
 // coordinates along two perpendicular axes (fitted in turn, as in a two-way analysis of variance): grooves of a plate
 // that pass below the bead are known from their course beside it.
+//
+// Grooves that are milled do not add where they cross: the union is cut away. With crossings the model is, in intensity
+// relative to the plane's, plane + p + q + c p q: c is Tukey's one degree of freedom for non-additivity (Biometrics 5,
+// 1949). Of the two models the one stays that explains the bead's surroundings better.
 #pragma once
 
 #include <complex>
@@ -44,7 +48,8 @@ struct BackgroundPatch {
 };
 
 // `half_px` is half the patch's size; `bead` is left out, and `others` where they cannot be part of a lattice.
+// `crossings`: tries that model as well.
 BackgroundPatch backgroundAround(const Image& log_intensity, const LatticeDirections& directions, const Disk& bead,
-                                 const std::vector<Disk>& others, int half_px);
+                                 const std::vector<Disk>& others, int half_px, bool crossings);
 
 }  // namespace fluorocut::detection

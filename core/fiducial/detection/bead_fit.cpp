@@ -25,11 +25,20 @@ double medianOf(std::vector<double>& values) {
     return *middle;
 }
 
+// Central differences, one-sided at the border.
+Vector2 gradientAt(const Image& image, int x, int y) {
+    const int left = std::max(0, x - 1), right = std::min(image.width() - 1, x + 1);
+    const int top = std::max(0, y - 1), bottom = std::min(image.height() - 1, y + 1);
+    return {static_cast<double>(image(right, y) - image(left, y)) / (right - left),
+            static_cast<double>(image(x, bottom) - image(x, top)) / (bottom - top)};
+}
+
 struct Pixel {
     int x, y;  // in the patch
     double u, v;
     double value;
     double level;
+    Vector2 steepness;    // of the level: the gradient of its logarithm
     double weight = 1;    // robust
     double expected = 0;  // of the last evaluation
     double variance = 1;
@@ -39,7 +48,7 @@ struct Pixel {
 class Fit {
   public:
     Fit(const Image& image, const BackgroundPatch& patch, const Vector2& center, const BeadShape& start,
-        double start_depth, const ShapePrior& prior, const NoiseModel& noise)
+        double start_depth, const ShapePrior& prior, const NoiseModel& noise, bool blurred_product)
         : prior_(prior), noise_(noise), center_(center), start_(start) {
         parameters_ << 0, 0, start.radius_px, start.log_steepness, start.log_blur, start_depth, 1, 0, 0;
         const double blur = std::exp(start.log_blur);
@@ -48,8 +57,9 @@ class Fit {
             for (int x = 0; x < patch.log_level.width(); ++x) {
                 const Vector2 away = Vector2(patch.left + x, patch.top + y) - center;
                 if (patch.usable(x, y) == 0 || !(away.norm() <= window)) continue;
-                pixels_.push_back({x, y, away.x(), away.y(), image(patch.left + x, patch.top + y),
-                                   std::exp(patch.log_level(x, y)), 1, 0, 1, Parameters::Zero()});
+                pixels_.push_back(
+                    {x, y, away.x(), away.y(), image(patch.left + x, patch.top + y), std::exp(patch.log_level(x, y)),
+                     blurred_product ? gradientAt(patch.log_level, x, y) : Vector2(0, 0), 1, 0, 1, Parameters::Zero()});
             }
         }
     }
@@ -169,18 +179,25 @@ class Fit {
     void evaluate(const Parameters& p) {
         const BeadProfile profile({p[kRadius], p[kSteepness], p[kBlur]});
         const double scale = 1 / start_.radius_px;
+        const double variance = std::exp(2 * p[kBlur]);
         for (Pixel& pixel : pixels_) {
             const double du = pixel.u - p[kX], dv = pixel.v - p[kY];
             const double distance = std::sqrt(du * du + dv * dv);
             const ProfilePoint g = profile.at(distance);
             const double slope = p[kLevel] + (p[kSlopeX] * pixel.u + p[kSlopeY] * pixel.v) * scale;
-            const double shade = 1 - p[kDepth] * g.value;
+            // The detector blurs the product of background and bead. That is the product of the two, each blurred, and
+            // variance * gradient * gradient: it counts where a groove's edge passes below the bead's rim.
+            const double shared = distance > 1e-9 ? variance * g.by_distance *
+                                                        (pixel.steepness.x() * du + pixel.steepness.y() * dv) / distance
+                                                  : 0;
+            const double seen = g.value + shared;
+            const double shade = 1 - p[kDepth] * seen;
             pixel.expected = pixel.level * slope * shade;
             const double inverse = 1 / std::sqrt(pixel.variance);
             const double by_value = -pixel.level * slope * p[kDepth] * inverse;
             const double radial = distance > 1e-9 ? by_value * g.by_distance / distance : 0;
             pixel.row << -radial * du, -radial * dv, by_value * g.by_radius, by_value * g.by_log_steepness,
-                by_value * g.by_log_blur, -pixel.level * slope * g.value * inverse, pixel.level * shade * inverse,
+                by_value * g.by_log_blur, -pixel.level * slope * seen * inverse, pixel.level * shade * inverse,
                 pixel.level * shade * pixel.u * scale * inverse, pixel.level * shade * pixel.v * scale * inverse;
         }
     }
@@ -295,8 +312,8 @@ NoiseModel NoiseModel::white(double constant, double per_intensity) {
 }
 
 BeadFit fitBead(const Image& image, const BackgroundPatch& patch, const Vector2& center_px, const BeadShape& start,
-                double start_depth, const ShapePrior& prior, const NoiseModel& noise) {
-    Fit fit(image, patch, center_px, start, start_depth, prior, noise);
+                double start_depth, const ShapePrior& prior, const NoiseModel& noise, bool blurred_product) {
+    Fit fit(image, patch, center_px, start, start_depth, prior, noise, blurred_product);
     if (!fit.run()) return {};
     return fit.result(patch);
 }

@@ -41,8 +41,9 @@ struct BeadFit {
     Image expected;
 };
 
+// `blurred_product`: with the term blur^2 grad(background) . grad(bead).
 BeadFit fitBead(const Image& image, const BackgroundPatch& patch, const Vector2& center_px, const BeadShape& start,
-                double start_depth, const ShapePrior& prior, const NoiseModel& noise);
+                double start_depth, const ShapePrior& prior, const NoiseModel& noise, bool blurred_product = false);
 
 // Variance and correlation of what many fits left. Falls back on `otherwise` when there is too little.
 NoiseModel measureNoise(const std::vector<const BeadFit*>& fits, const NoiseModel& otherwise);

@@ -197,6 +197,38 @@ TEST(BeadDetection, SeesBeadsOverAGroovedPlate) {
     }
 }
 
+// As milled: where two grooves cross, no more is cut away than where one runs.
+std::function<double(double, double)> milledGrooves(double contrast, double angle) {
+    return [=](double u, double v) {
+        const double s = std::cos(angle) * u + std::sin(angle) * v, t = std::cos(angle) * v - std::sin(angle) * u;
+        const auto groove = [](double x) {
+            return std::clamp(2.98 - std::abs(x - 19.84 * std::round(x / 19.84)), 0.0, 1.0);
+        };
+        const double land = (1 - groove(s)) * (1 - groove(t));
+        return (1 + std::expm1(contrast) * (1 - land)) * std::exp(-0.002 * u);
+    };
+}
+
+TEST(BeadDetection, CrossingsOfGroovesDoNotPullBeads) {
+    // The bias, at 100 times the photons: beads 34 px apart (1.714 pitches) are everywhere about the crossings.
+    for (const double contrast : {0.06, 0.36}) {
+        for (const double angle : {0.0, 0.12, 0.54, M_PI / 4}) {
+            const Scored s = measure(
+                [&](std::uint64_t seed) {
+                    BeadScene scene = gridScene(7, 2.5, seed);
+                    scene.background = milledGrooves(contrast, angle);
+                    scene.photons = 1e5;
+                    return scene;
+                },
+                2);
+            EXPECT_EQ(s.missed, 0) << contrast << " " << angle;
+            EXPECT_LE(s.extra, 12) << contrast << " " << angle;
+            // Measured 0.005 to 0.019; grooves that add in log intensity give 0.066 to 0.085 at 36 %.
+            EXPECT_LT(s.rms_px, 0.022) << contrast << " " << angle;
+        }
+    }
+}
+
 TEST(BeadDetection, SurvivesNeighboursAndABonesEdge) {
     // Pairs whose shadows lie half a pixel apart, on a bone's edge of contrast 0.5 and a gradient of soft tissue.
     const Scored s = measure(
