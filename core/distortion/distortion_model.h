@@ -30,8 +30,6 @@
 
 namespace fluorocut {
 
-using Matrix2 = Eigen::Matrix2d;
-
 struct DistortionFitOptions {
     std::string model = "polynomial";  // one of those that can be fitted
     // Of the polynomial, 1 to 9. 0: chosen from the points; on simulated intensifiers that is a third better than

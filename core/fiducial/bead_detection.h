@@ -34,8 +34,6 @@
 
 namespace fluorocut {
 
-using Matrix2 = Eigen::Matrix2d;
-
 struct BeadDetectionOptions {
     double least_diameter_px = 3;  // of the shadow
     double most_diameter_px = 45;

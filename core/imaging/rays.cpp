@@ -14,7 +14,6 @@
 namespace fluorocut {
 namespace {
 
-using Matrix2 = Eigen::Matrix2d;
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
 using Matrix26 = Eigen::Matrix<double, 2, 6>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
