@@ -1,6 +1,7 @@
 #include "core/distortion/models/polynomial_model.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include <Eigen/QR>
@@ -163,6 +164,9 @@ Eigen::MatrixXd covarianceRoot(const BernsteinTriangle& triangle, int order, int
 
 constexpr double kWorstDeviation = 1.5;  // of the map at any groove point, in the points' own deviations
 
+// What choosing the order from the same points adds to the variance, measured: without it 95 % regions hold 93 %.
+constexpr double kChoiceOfOrder = 1.1;
+
 // Both coordinates' robust fits of one order; nothing when the points do not carry it.
 struct Attempt {
     int order = 0;
@@ -257,6 +261,7 @@ Result<FittedModel> fitPolynomialModel(const GroovePoints& points, const Distort
         const RobustFit& fit = chosen.fits[c];
         coordinates[c].coefficients = fit.coefficients;
         coordinates[c].covariance_root = covarianceRoot(triangle, chosen.order, covariance_order, (*data)[c], fit);
+        if (automatic) coordinates[c].covariance_root *= std::sqrt(kChoiceOfOrder);
         (c == 0 ? result.used_along_y : result.used_along_x) = fit.used;
     }
     result.model = std::make_shared<PolynomialModel>(triangle, chosen.order, covariance_order, std::move(coordinates));
