@@ -8,6 +8,7 @@
 
 #include <Eigen/LU>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 
 namespace fluorocut::grooves {
@@ -30,13 +31,6 @@ constexpr double kAgreeingShare = 0.95;    // of them
 constexpr double kMapSigma = 0.02;         // pitches: the true map is not the polynomial
 constexpr double kMaxSigma = 0.06;         // pitches, of a point: beyond it is of no use
 constexpr double kMaxStep = 0.1;           // pitches from the neighbours' plane, whatever the noise
-
-double median(std::vector<double>& values) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 template <class Value>
 double medianOfFound(const std::vector<Segment>& segments, Value value) {

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/units.h"
 #include "core/distortion/groove_consistency.h"
@@ -215,13 +216,6 @@ GrooveCounts count(const std::vector<Segment>& segments, int direction) {
     }
     counts.expected = counts.found + counts.hidden + counts.doubtful;
     return counts;
-}
-
-double median(std::vector<double> values) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 // Segments that are not among `known` yet.

@@ -7,6 +7,7 @@
 
 #include <unsupported/Eigen/FFT>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 
 namespace fluorocut::grooves {
@@ -99,9 +100,7 @@ Spectrum averageSpectrum(const Image& image, int size) {
             rings[static_cast<std::size_t>(std::lround(std::hypot(fx, fy)))].push_back(spectrum.at(fx, fy));
     for (auto& ring : rings) {
         if (ring.empty()) break;
-        const auto middle = ring.begin() + static_cast<std::ptrdiff_t>(ring.size() / 2);
-        std::nth_element(ring.begin(), middle, ring.end());
-        spectrum.background.push_back(*middle);
+        spectrum.background.push_back(median(std::move(ring)));
     }
     return spectrum;
 }

@@ -6,6 +6,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "core/base/median.h"
+
 namespace fluorocut::grooves {
 namespace {
 
@@ -14,12 +16,6 @@ namespace {
 constexpr std::array<double, LatticeMap::kOrder + 1> kPriorShare = {1e3, 0.15, 0.05, 0.06, 0.03, 0.03};
 
 constexpr int kIterations = 4;
-
-double median(std::vector<double>& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 }  // namespace
 

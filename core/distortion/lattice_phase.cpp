@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/image/blur.h"
 
@@ -118,9 +119,7 @@ NodeGrid analyse(const Image& high, const Image& lit, const WavePair& waves) {
         }
     }
     if (others.empty()) return grid;
-    const auto middle = others.begin() + static_cast<std::ptrdiff_t>(others.size() / 2);
-    std::nth_element(others.begin(), middle, others.end());
-    const float least = std::max(0.5f * *middle, 1e-12f);
+    const float least = std::max(0.5f * median(std::move(others)), 1e-12f);
     for (std::size_t n = 0; n < grid.nodes.size(); ++n)
         grid.nodes[n].clarity /= std::max(std::sqrt(std::max(0.0f, other.pixels()[n])), least);
     return grid;

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/random.h"
 #include "core/base/units.h"
@@ -179,9 +180,7 @@ int misnumbered(const std::vector<GroovePoint>& points, const std::vector<Vector
     for (std::size_t i = 0; i < points.size(); ++i)
         offsets.push_back(points[i].index - sign * truth[i][axis]);
     if (offsets.empty()) return 0;
-    const auto middle = offsets.begin() + static_cast<std::ptrdiff_t>(offsets.size() / 2);
-    std::nth_element(offsets.begin(), middle, offsets.end());
-    const double shift = std::round(*middle);
+    const double shift = std::round(median(offsets));
     return static_cast<int>(std::count_if(offsets.begin(), offsets.end(),
                                           [&](double offset) { return !(std::abs(offset - shift) < 0.25); }));
 }
@@ -273,13 +272,6 @@ Result<void> measure(const Pictures& pictures, const Scene& scene, const DewarpE
     append(errors.beads_centre, result->centre_errors_mm);
     append(errors.beads_margin, result->margin_errors_mm);
     return {};
-}
-
-double median(std::vector<double> values) {
-    if (values.empty()) return std::nan("");
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/fiducial/detection/bead_background.h"
@@ -191,8 +192,7 @@ Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOption
     }
     ShapePrior prior;
     if (blurs.size() >= 5) {
-        std::nth_element(blurs.begin(), blurs.begin() + static_cast<std::ptrdiff_t>(blurs.size() / 2), blurs.end());
-        prior.log_blur = blurs[blurs.size() / 2];
+        prior.log_blur = median(std::move(blurs));
         prior.log_blur_sigma = 0.2;
     }
     const NoiseModel shared = detection::measureNoise(good, NoiseModel::white(0, 0));

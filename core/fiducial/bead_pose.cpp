@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/random.h"
 #include "core/base/units.h"
@@ -260,8 +261,7 @@ class Estimate {
             refined.intrinsics = intrinsics;
             refined.rms_px = bundle->rms_px;
             refined.covariance = bundle->covariance.block<6, 6>(4, 4);
-            std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
-            const double next = std::clamp(5 * sizes[sizes.size() / 2], kLeastTolerancePx, tolerance);
+            const double next = std::clamp(5 * median(sizes), kLeastTolerancePx, tolerance);
             const bool same = round >= 2 && match(pose, intrinsics, next).size() == matches.size() &&
                               *std::max_element(sizes.begin(), sizes.end()) <= next;
             tolerance = next;

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/fiducial/bead_bundle.h"
 #include "core/fiducial/detection/bead_matching.h"
@@ -119,8 +120,7 @@ class Calibration {
                     sizes.push_back(solved->residuals_px[i][j].norm());
                 }
             }
-            std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
-            const double next = std::clamp(5 * sizes[sizes.size() / 2], kLeastTolerancePx, 10.0);
+            const double next = std::clamp(5 * median(sizes), kLeastTolerancePx, 10.0);
             bundle_ = std::move(*solved);
             const bool same = round >= 2 && std::abs(next - tolerance) < 0.1 * tolerance;
             tolerance = next;

@@ -17,6 +17,7 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/distortion/dewarp.h"
 #include "core/distortion/groove_detection.h"
@@ -30,11 +31,6 @@ double timedMs(const std::function<void()>& work) {
     const auto start = std::chrono::steady_clock::now();
     work();
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
 }
 
 struct Contender {

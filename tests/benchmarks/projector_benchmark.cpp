@@ -14,6 +14,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/imaging/volume_projector.h"
 #include "tests/benchmarks/itk_ray_cast.h"
@@ -27,11 +28,6 @@ namespace {
 
 double nowMs() {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-double median(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
 }
 
 struct Timed {

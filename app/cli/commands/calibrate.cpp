@@ -66,7 +66,7 @@ Result<Known> gather(const Options& options, const ImageInfo& info) {
     CArm& nominal = known.nominal;
     bool focal_known = false;
     if (!options.carm.empty()) {
-        const Result<CArm> carm = readCArm(options.carm, distortionReaders());
+        const Result<CArm> carm = readImager(options.carm);
         if (!carm) return carm.error();
         if (carm->columns != info.width || carm->rows != info.height) {
             return invalidInput(options.carm, fmt::format("{} x {} pixels", carm->columns, carm->rows),

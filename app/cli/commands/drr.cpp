@@ -12,6 +12,7 @@
 #include "app/cli/files.h"
 #include "app/cli/options.h"
 #include "app/cli/patient.h"
+#include "core/base/median.h"
 #include "core/imaging/display_picture.h"
 #include "core/imaging/standard_views.h"
 #include "core/imaging/volume_projector.h"
@@ -50,12 +51,6 @@ using Clock = std::chrono::steady_clock;
 
 double millisecondsSince(Clock::time_point start) {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 // What hands the best picture to whoever says no more than a file's name.

@@ -6,17 +6,13 @@
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 
+#include "core/base/median.h"
+
 namespace fluorocut {
 namespace {
 
 constexpr double kTukey = kTukeyLimit, kHuber = 1.345;
 constexpr int kHuberIterations = 4, kTukeyIterations = 30;
-
-double medianOf(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 }  // namespace
 
@@ -35,7 +31,7 @@ RobustFit fitRobustly(const Eigen::MatrixXd& design, const Eigen::VectorXd& valu
             sizes[static_cast<std::size_t>(i)] = std::abs(residuals[i]);
         // The residuals are smaller than the noise by the share of it that the unknowns took.
         const double freedom = static_cast<double>(std::max<Eigen::Index>(count - unknowns, 1));
-        fit.scale = std::max(1.4826 * medianOf(std::move(sizes)) * std::sqrt(static_cast<double>(count) / freedom),
+        fit.scale = std::max(1.4826 * median(std::move(sizes)) * std::sqrt(static_cast<double>(count) / freedom),
                              1e-9);  // for values without noise
     };
     for (int iteration = 0; iteration < kHuberIterations + kTukeyIterations; ++iteration) {

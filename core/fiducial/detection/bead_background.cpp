@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 
+#include "core/base/median.h"
 #include "core/image/blur.h"
 
 namespace fluorocut::detection {
@@ -29,9 +30,7 @@ double robustSigma(const std::vector<double>& residuals) {
     std::vector<double> sizes;
     for (const double residual : residuals)
         sizes.push_back(std::abs(residual));
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    return std::max(1.4826 * *middle, 1e-6);
+    return std::max(1.4826 * median(std::move(sizes)), 1e-6);
 }
 
 void reweight(std::vector<Sample>& samples, const std::vector<double>& residuals, double sigma) {

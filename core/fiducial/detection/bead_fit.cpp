@@ -6,6 +6,8 @@
 
 #include <Eigen/Dense>
 
+#include "core/base/median.h"
+
 namespace fluorocut::detection {
 namespace {
 
@@ -18,12 +20,6 @@ constexpr int kRounds = 3;      // of robust weights
 constexpr int kSteps = 8;       // within one
 constexpr double kOutlier = 4;  // residuals of so many standard deviations have a quarter of their say
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-double medianOf(std::vector<double>& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 // Central differences, one-sided at the border.
 Vector2 gradientAt(const Image& image, int x, int y) {
@@ -230,8 +226,8 @@ class Fit {
             all.push_back(size);
             if (std::abs(off) < 0.7 + std::exp(parameters_[kBlur])) rim.push_back(size);
         }
-        faults_ = std::max(1.0, 1.4826 * medianOf(all));
-        if (rim.size() >= 8) faults_ = std::max(faults_, 1.4826 * medianOf(rim));
+        faults_ = std::max(1.0, 1.4826 * median(all));
+        if (rim.size() >= 8) faults_ = std::max(faults_, 1.4826 * median(rim));
     }
 
     void reweight() {
@@ -345,7 +341,7 @@ NoiseModel measureNoise(const std::vector<const BeadFit*>& fits, const NoiseMode
             sum += samples[i].expected;
         }
         level[bin] = sum / static_cast<double>(end - begin);
-        const double sigma = 1.4826 * medianOf(sizes);
+        const double sigma = 1.4826 * median(sizes);
         variance[bin] = sigma * sigma;
     }
     const double typical = variance[kBins / 2];

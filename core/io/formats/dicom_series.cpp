@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/base/units.h"
 #include "core/io/file_format.h"
@@ -248,9 +249,7 @@ Result<double> sortSlices(const fs::path& folder, std::vector<Slice>& slices) {
                 a.instance_uid == b.instance_uid ? "remove the copy" : "export one phase or reconstruction alone");
         }
     }
-    std::vector<double> sorted = steps;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-    const double usual = sorted[sorted.size() / 2];
+    const double usual = median(steps);
     const double step =
         (slices.back().along_normal_mm - slices.front().along_normal_mm) / static_cast<double>(slices.size() - 1);
     for (std::size_t i = 1; i < slices.size(); ++i) {
