@@ -1,0 +1,59 @@
+// The pose of a corkscrew by fits to an image, from a start near it, in full perspective and in the image's own
+// (distorted) pixels.
+//
+//   refineOnShape   centre lines of shaft, rings and helix (and beads) against ridges of the image; search range
+//                   shrinking, robust weights, stretches that overlap or are seen end on left out. Converges from some
+//                   5 degrees and 10 mm of depth.
+//   refineOnImage   predicted against seen image: log intensity = smooth background - sum of gain_k * path length
+//                   through wire, shaft, rod, beads, blurred as intensities; gains, blur and background follow along;
+//                   robust to clutter. Converges from about half a wire's width, and ends at the photon noise.
+//
+// An image fit gives evidence on the pose and on parameters that images share, in the order of
+// corkscrewParameters(): relative focal length (f = f0 (1 + p)), principal point u and v (px, added to the C-arm's),
+// then the layout's dimensions. Its information counts what the noise of this image allows, its correlation included.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/base/progress.h"
+#include "core/base/result.h"
+#include "core/fiducial/corkscrew_layout.h"
+#include "core/geometry/pose_evidence.h"
+#include "core/image/image.h"
+#include "core/imaging/carm.h"
+
+namespace fluorocut {
+
+// Names of what a layout's images share: "focal length", "image centre u", "image centre v", then the layout's
+// dimensions: "ring 1 x", "ring 1 radius", ..., "helix start x", "helix end x", "helix radius", "helix phase", ...
+// (mm, rad).
+std::vector<std::string> corkscrewParameters(const CorkscrewLayout& layout);
+// C-arm and layout with these values added (zero: as they are).
+CArm withParameters(const CArm& carm, const Eigen::VectorXd& parameters);
+CorkscrewLayout withParameters(const CorkscrewLayout& layout, const Eigen::VectorXd& parameters);
+
+struct CorkscrewFit {
+    Rigid3 imager_from_corkscrew;
+    // Of refineOnImage only.
+    PoseEvidence evidence;
+    double score = 0;           // 0 to 1: share of the wires' visible length that is seen where it should be
+    double rms_px;              // of the centre lines that were seen, across the line
+    double residual = 0;        // robust standard deviation of log(seen) - log(predicted), in units of its noise
+    double log_likelihood = 0;  // robust, of the image in the fiducial's neighbourhood: fits to one image compare by it
+    double visible = 0;         // share of the wires' length inside the image
+    int iterations = 0;
+    bool converged = false;
+
+    CorkscrewFit();  // NaN: not run
+};
+
+// `image`: metal dark (proportional to photons). Both: noSolution when too little of it is seen to go on.
+Result<CorkscrewFit> refineOnShape(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
+                                   const Rigid3& start, Progress& progress = Progress::none());
+Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
+                                   const Rigid3& start, Progress& progress = Progress::none());
+
+}  // namespace fluorocut
