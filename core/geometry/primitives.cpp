@@ -129,6 +129,44 @@ TriangleMesh makeLoft(const std::vector<LoftSection>& sections, int segments) {
     return mesh;
 }
 
+TriangleMesh makeTube(const std::vector<TubePoint>& line, double radius_mm, int segments, bool closed) {
+    require(segments >= 3 && line.size() >= (closed ? 3U : 2U), "makeTube: too few segments or places");
+    require(radius_mm > 0 && std::isfinite(radius_mm), "makeTube: a radius that is not positive");
+    const double step = 2 * std::numbers::pi / segments;
+    const double reach = radius_mm * std::sqrt(step / std::sin(step));
+    TriangleMesh mesh;
+    for (const TubePoint& place : line) {
+        const Vector3 along = place.tangent.normalized();
+        const Vector3 across = along.cross(place.up);
+        require(across.norm() > 1e-6 * place.up.norm(), "makeTube: up lies along the tangent");  // false for NaN
+        const Vector3 side = across.normalized();
+        const Vector3 up = side.cross(along);
+        for (int i = 0; i < segments; ++i)  // counter-clockwise seen against the tangent
+            mesh.vertices.push_back(place.center_mm + reach * (std::cos(i * step) * side + std::sin(i * step) * -up));
+    }
+    const std::int32_t around = segments;
+    const std::int32_t rings = static_cast<std::int32_t>(line.size());
+    for (std::int32_t r = 0; r < (closed ? rings : rings - 1); ++r) {
+        const std::int32_t low = r * around, high = (r + 1) % rings * around;
+        for (std::int32_t i = 0; i < around; ++i) {
+            const std::int32_t j = (i + 1) % around;
+            mesh.triangles.push_back({low + i, low + j, high + j});
+            mesh.triangles.push_back({low + i, high + j, high + i});
+        }
+    }
+    for (const bool end : {false, true}) {
+        if (closed) break;
+        const std::int32_t first = end ? (rings - 1) * around : 0;
+        const std::int32_t hub = static_cast<std::int32_t>(mesh.vertices.size());
+        mesh.vertices.push_back(end ? line.back().center_mm : line.front().center_mm);
+        for (std::int32_t i = 0; i < around; ++i) {
+            const std::int32_t j = (i + 1) % around;
+            mesh.triangles.push_back({hub, first + (end ? i : j), first + (end ? j : i)});
+        }
+    }
+    return mesh;
+}
+
 TriangleMesh makeCylinder(double radius_mm, double length_mm, int segments) {
     return makeFrustum(radius_mm, radius_mm, length_mm, segments);
 }

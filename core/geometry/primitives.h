@@ -1,8 +1,8 @@
 // Closed, outward-oriented meshes of simple shapes: what simulated objects are made of and what tests measure. Every
 // one is watertight and manifold. mm, in the shape's own frame. Sizes that are no shape throw std::logic_error.
 //
-// Curved surfaces are inscribed: the vertices lie on the shape. A regular prism of n sides has n/(2 pi) sin(2 pi/n) of
-// the cylinder's volume.
+// Curved surfaces (but makeTube's) are inscribed: the vertices lie on the shape. A regular prism of n sides has n/(2
+// pi) sin(2 pi/n) of the cylinder's volume.
 #pragma once
 
 #include <vector>
@@ -33,6 +33,18 @@ TriangleMesh makeLoft(const std::vector<LoftSection>& sections, int segments);
 // Along z, the middle at the origin. A frustum with one radius zero is a cone.
 TriangleMesh makeCylinder(double radius_mm, double length_mm, int segments);
 TriangleMesh makeFrustum(double radius_low_mm, double radius_high_mm, double length_mm, int segments);
+
+// One place along a tube's middle line. `up` turns the cross-section: anything not along the tangent.
+struct TubePoint {
+    Vector3 center_mm = Vector3::Zero();
+    Vector3 tangent = Vector3::UnitX();
+    Vector3 up = Vector3::UnitZ();
+};
+
+// A round wire along a line. Its cross-sections, across the tangents, are regular polygons of the circle's area (not
+// inscribed: so the wire holds as much metal as it should). Closed: the last place joins the first; otherwise the ends
+// are flat.
+TriangleMesh makeTube(const std::vector<TubePoint>& line, double radius_mm, int segments, bool closed);
 
 // A shape like that of a hip stem: tapered, rounded at the tip, squared in section, its medial flank (+x) flaring
 // toward the top. Frame as `cavity`: z along the stem, proximal positive; the top is at z = 0 and the tip at z =
