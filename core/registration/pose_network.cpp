@@ -234,7 +234,8 @@ class Solver {
     void report(PoseNetworkResult& result) {
         buildNormalEquations();
         // Scaled to a unit diagonal, so that mm and rad do not decide what counts as zero.
-        const Eigen::VectorXd scale = information_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+        const Eigen::VectorXd scale =
+            information_.diagonal().unaryExpr([](double v) { return v > 0 ? 1 / std::sqrt(v) : 1; });
         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information_ *
                                                                    scale.asDiagonal());
         Eigen::VectorXd inverse(scale.size());
