@@ -28,6 +28,13 @@ struct Pose {
 // Unknown covariance in a factor makes the product's covariance unknown.
 Pose operator*(const Pose& a, const Pose& b);
 
+// How errors travel to first order: a perturbation of a, of b, of the inverted pose, to one of the result.
+Matrix6 productByLeft(const Rigid3& a, const Rigid3& b);  // d(a b) / da
+Matrix6 productByRight(const Rigid3& a);                  // d(a b) / db
+Matrix6 inverseByPose(const Rigid3& target_from_source);  // d(a^-1) / da
+// Of a point fixed in the source frame, in the target frame.
+Eigen::Matrix<double, 3, 6> pointByPose(const Rigid3& target_from_source, const Vector3& point_in_source);
+
 // The covariance (mm^2, target frame) of a point fixed in the source frame, pushed through the pose.
 Eigen::Matrix3d pointCovariance(const Pose& pose, const Vector3& point_in_source);
 
