@@ -12,7 +12,7 @@ namespace fluorocut {
 namespace {
 
 constexpr double kFar = 8;  // standard deviations: beyond them lies 1e-15
-constexpr int kNodes = 64;
+constexpr int kNodes = 32;
 constexpr double kNegligible = 1e-3;  // axes shorter than this part of the next add less than 1e-6 to the radius
 
 // Integral over t in [-1, 1]: nodes t = sin a, so that the square roots at the ends do no harm.
@@ -50,7 +50,7 @@ double errorRadius(const Matrix3& covariance_mm2, double probability) {
     const std::array<double, 3> s{std::sqrt(values[2]), std::sqrt(values[1]), std::sqrt(values[0])};
     if (!(s[0] > 0)) return 0;
     double low = 0, high = 10 * std::sqrt(values.sum());
-    while (high - low > 1e-7 * high) {
+    while (high - low > 1e-6 * high) {
         const double middle = 0.5 * (low + high);
         (inside(s, middle * middle) < probability ? low : high) = middle;
     }
