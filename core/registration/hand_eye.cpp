@@ -3,424 +3,20 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <map>
-#include <numeric>
 
 #include <Eigen/Dense>
 #include <fmt/format.h>
 
-#include "core/base/median.h"
 #include "core/base/option_checks.h"
-#include "core/base/random.h"
 #include "core/base/units.h"
-#include "core/registration/hand_eye_start.h"
-#include "core/registration/pose_network.h"
+#include "core/registration/hand_eye/mistakes.h"
+#include "core/registration/hand_eye/problem.h"
+#include "core/registration/hand_eye/start.h"
 
 namespace fluorocut {
 namespace {
 
 const char* const kWhere = "robot-corkscrew calibration";
-
-// Of a squared distance with 6 degrees of freedom: its median, and what one in 10,000 exceeds.
-constexpr double kMedianSquare = 5.348;
-constexpr double kOutlierSquare = 27.86;
-constexpr int kSamples = 150;
-// Poses that miss the others by this many times the noise contradict them; and where the noise is only assumed, by this
-// much in absolute terms.
-constexpr double kContradiction = 10;
-constexpr double kContradictionMm = 3, kContradictionRad = 0.035;
-
-// What one in 1000 values of chi squared exceeds (Wilson and Hilferty).
-double chiSquaredLimit(double freedom) {
-    const double v = 2 / (9 * freedom);
-    return freedom * std::pow(1 - v + 3.09 * std::sqrt(v), 3);
-}
-
-struct Fit {
-    PoseNetworkResult network;  // pose 0: flange_from_corkscrew, then the imagers
-    std::vector<bool> used;
-    double factor = 1;                                        // noise over what is stated or assumed
-    bool found = false;                                       // a start was
-    double median = std::numeric_limits<double>::infinity();  // of the distances of all, in standard deviations
-
-    std::size_t count() const { return static_cast<std::size_t>(std::count(used.begin(), used.end(), true)); }
-};
-
-class HandEye {
-  public:
-    HandEye(const std::vector<HandEyeObservation>& observations, const HandEyeOptions& options)
-        : observations_(observations), options_(options) {
-        std::map<std::string, int> known;
-        for (const HandEyeObservation& one : observations) {
-            const auto [place, is_new] = known.emplace(one.imager, static_cast<int>(names_.size()));
-            if (is_new) names_.push_back(one.imager);
-            position_.push_back(place->second);
-            evidence_.push_back(
-                one.evidence ? *one.evidence
-                             : evidenceOf(one.imager_from_corkscrew,
-                                          one.covariance ? *one.covariance
-                                                         : options.assumed.covarianceAt(one.imager_from_corkscrew)));
-            stated_ = stated_ && (one.evidence || one.covariance);
-        }
-        for (std::size_t i = 0; i < observations.size(); ++i) {
-            for (std::size_t j = i + 1; j < observations.size(); ++j) {
-                if (position_[i] != position_[j]) continue;
-                motions_.push_back({observations[i].robot_from_flange.inverse() * observations[j].robot_from_flange,
-                                    evidence_[i].target_from_source.inverse() * evidence_[j].target_from_source});
-            }
-        }
-    }
-
-    MotionSpread spread() const { return spreadOf(motions_); }
-    const std::vector<std::string>& names() const { return names_; }
-    const std::vector<int>& position() const { return position_; }
-    bool stated() const { return stated_; }
-
-    Fit solve() const {
-        const std::vector<bool> all(observations_.size(), true);
-        Fit fit;
-        if (const std::optional<Rigid3> start = solveHandEye(motions_)) {
-            fit = refine(posesFrom(*start), all);
-            if (fit.found && clean(fit)) return fit;
-        }
-        Fit searched = search();
-        if (!searched.found) return fit;
-        // With the noise unknown, leaving images out must pay: half the scatter.
-        if (fit.found && !stated_ && fit.count() >= searched.count() && searched.factor > 0.5 * fit.factor) return fit;
-        if (fit.found && searched.median > fit.median) return fit;
-        return searched;
-    }
-
-    SharedLayout sharedLayout() const { return {prior(), names_.size()}; }
-
-  private:
-    SharedPrior prior() const { return options_.shared; }
-
-    // For each position of the C-arm the imager that agrees best with its images: the least median of distances.
-    std::vector<Rigid3> posesFrom(const Rigid3& flange_from_corkscrew, double* score = nullptr) const {
-        std::vector<Rigid3> poses{flange_from_corkscrew};
-        std::vector<Matrix6> information;
-        std::vector<double> distances;
-        for (std::size_t k = 0; k < names_.size(); ++k) {
-            Rigid3 best;
-            std::vector<double> best_distances;
-            for (std::size_t i = 0; i < evidence_.size(); ++i) {
-                if (position_[i] != static_cast<int>(k)) continue;
-                const Rigid3 imager_from_robot = evidence_[i].target_from_source *
-                                                 (observations_[i].robot_from_flange * flange_from_corkscrew).inverse();
-                std::vector<double> own;
-                for (std::size_t j = 0; j < evidence_.size(); ++j) {
-                    if (position_[j] != static_cast<int>(k)) continue;
-                    const Rigid3 predicted =
-                        imager_from_robot * observations_[j].robot_from_flange * flange_from_corkscrew;
-                    const Vector6 d = predicted.deltaFrom(evidence_[j].target_from_source);
-                    own.push_back(d.dot(evidence_[j].information.topLeftCorner<6, 6>() * d));
-                }
-                if (best_distances.empty() || median(own) < median(best_distances)) {
-                    best = imager_from_robot;
-                    best_distances = std::move(own);
-                }
-            }
-            poses.push_back(best);
-            // A position's own candidate fits itself.
-            if (best_distances.size() > 1)
-                distances.insert(distances.end(), best_distances.begin(), best_distances.end());
-        }
-        if (score) *score = median(distances);
-        return poses;
-    }
-
-    PoseNetwork network(const std::vector<Rigid3>& poses, const std::vector<bool>& used) const {
-        const SharedLayout shared = sharedLayout();
-        Matrix6 robot = Matrix6::Zero();
-        robot.diagonal().head<3>().setConstant(options_.robot_place_mm * options_.robot_place_mm);
-        robot.diagonal().tail<3>().setConstant(options_.robot_rotation_rad * options_.robot_rotation_rad);
-        PoseNetwork result;
-        result.poses = poses;
-        result.shared = shared.mean;
-        result.shared_information = shared.information;
-        for (std::size_t i = 0; i < evidence_.size(); ++i) {
-            const auto k = static_cast<std::size_t>(position_[i]);
-            result.factors.push_back(
-                {{PoseStep::unknown(position_[i] + 1), PoseStep::about(observations_[i].robot_from_flange, robot),
-                  PoseStep::unknown(0)},
-                 evidence_[i],
-                 evidence_[i].shared.size() > 0 ? shared.index[k] : std::vector<int>(),
-                 used[i] ? 1.0 : 0.0});
-        }
-        return result;
-    }
-
-    PoseNetworkOptions networkOptions() const {
-        PoseNetworkOptions result;
-        if (options_.relinearise) {
-            result.relinearise = [this](std::size_t i, const Rigid3& pose, const Eigen::VectorXd& shared) {
-                if (!observations_[i].evidence) return PoseEvidence();
-                Result<PoseEvidence> answer = options_.relinearise(i, pose, shared);
-                return answer ? std::move(*answer) : PoseEvidence();
-            };
-        }
-        return result;
-    }
-
-    double freedom(const std::vector<bool>& used) const {
-        std::vector<bool> seen(names_.size(), false);
-        double count = -6;
-        for (std::size_t i = 0; i < used.size(); ++i) {
-            if (!used[i]) continue;
-            count += 6;
-            const auto k = static_cast<std::size_t>(position_[i]);
-            if (!seen[k]) count -= 6;
-            seen[k] = true;
-        }
-        return count;
-    }
-
-    static double sumOfSquares(const PoseNetworkResult& network, const std::vector<bool>& used) {
-        double sum = 0;
-        for (std::size_t i = 0; i < used.size(); ++i)
-            sum += used[i] ? network.squared_distances[i] : 0;
-        return sum;
-    }
-
-    // The plain solution over some of the images, and the noise it speaks of.
-    Fit refine(const std::vector<Rigid3>& start, const std::vector<bool>& used) const {
-        Fit fit;
-        fit.used = used;
-        fit.network = solvePoseNetwork(network(start, used), networkOptions());
-        const double free = freedom(used);
-        fit.found = free > 0 && std::isfinite(sumOfSquares(fit.network, used));
-        if (!fit.found) return fit;
-        const double squares = sumOfSquares(fit.network, used);
-        const double factor = std::sqrt(squares / free);
-        fit.factor = !stated_ ? std::max(factor, 1e-6) : squares > chiSquaredLimit(free) ? factor : 1;
-        fit.median = std::sqrt(median(fit.network.squared_distances));
-        return fit;
-    }
-
-    bool clean(const Fit& fit) const {
-        const double limit = kOutlierSquare * fit.factor * fit.factor;
-        for (const double d : fit.network.squared_distances)
-            if (!(d <= limit)) return false;
-        // Unknown noise swallows outliers: only a look without some of the images tells.
-        return stated_ ? fit.factor <= 1 : observations_.size() < 5;
-    }
-
-    // What the result leaves open of a factor's prediction.
-    Matrix6 predictionCovariance(const PoseNetworkResult& result, const PoseFactor& factor) const {
-        const Eigen::Index all = result.covariance.rows();
-        Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(6, all);
-        for (std::size_t s = 0; s < factor.chain.size(); ++s) {
-            if (factor.chain[s].variable >= 0)
-                jacobian.middleCols(6 * factor.chain[s].variable, 6) += stepDerivative(factor.chain, s, result.poses);
-        }
-        return jacobian * result.covariance * jacobian.transpose();
-    }
-
-    // Images that agree with the answer, judged with the noise of those that do.
-    Fit withoutOutliers(Fit fit) const {
-        for (int round = 0; round < 10; ++round) {
-            // The noise from the better half, so that outliers do not hide each other.
-            double robust = std::sqrt(median(fit.network.squared_distances) / kMedianSquare);
-            const double share = freedom(fit.used) / (6 * static_cast<double>(fit.count()));
-            robust /= std::sqrt(std::max(share, 0.2));
-            if (stated_) robust = std::clamp(robust, 1.0, 2.0);
-            const PoseNetwork judged = network(fit.network.poses, fit.used);
-            std::vector<bool> used(fit.used.size());
-            for (std::size_t i = 0; i < used.size(); ++i) {
-                double square = fit.network.squared_distances[i] / (robust * robust);
-                if (!fit.used[i] && square > kOutlierSquare) {
-                    // It is not to pay for what those in use do not know.
-                    const Matrix6 own = evidence_[i].covariance() * robust * robust;
-                    const Matrix6 total = own + predictionCovariance(fit.network, judged.factors[i]);
-                    const Vector6& r = fit.network.residuals[i];
-                    square = r.dot(total.ldlt().solve(r));
-                }
-                used[i] = square <= kOutlierSquare;
-            }
-            if (used == fit.used || freedom(used) <= 0) break;
-            Fit next = refine(fit.network.poses, used);
-            if (!next.found) break;
-            fit = std::move(next);
-        }
-        return fit;
-    }
-
-    Fit search() const {
-        std::vector<std::pair<std::size_t, std::size_t>> pairs;
-        for (std::size_t i = 0; i < motions_.size(); ++i)
-            for (std::size_t j = i + 1; j < motions_.size(); ++j)
-                pairs.emplace_back(i, j);
-        Random random(options_.seed);
-        double best_score = std::numeric_limits<double>::infinity();
-        std::vector<Rigid3> best;
-        for (int sample = 0; sample < kSamples && !pairs.empty(); ++sample) {
-            const std::size_t pick = random.below(pairs.size());
-            const auto [i, j] = pairs[pick];
-            pairs[pick] = pairs.back();
-            pairs.pop_back();
-            const std::vector<HandEyeMotion> two{motions_[i], motions_[j]};
-            if (!(spreadOf(two).second_turn_rad >= options_.least_turn_rad)) continue;
-            const std::optional<Rigid3> start = solveHandEye(two);
-            if (!start) continue;
-            double score = 0;
-            std::vector<Rigid3> poses = posesFrom(*start, &score);
-            if (score < best_score) {
-                best_score = score;
-                best = std::move(poses);
-            }
-        }
-        if (best.empty()) return {};
-        // Robust, with the noise narrowing as the fit improves; then plain, without what disagrees.
-        const std::vector<bool> all(observations_.size(), true);
-        double scale = std::max(1.0, std::sqrt(best_score / kMedianSquare));
-        PoseNetworkResult robust;
-        for (int round = 0; round < 4; ++round) {
-            PoseNetworkOptions soft = networkOptions();
-            soft.relinearise = nullptr;
-            soft.robust_scale = 5 * scale;
-            const PoseNetwork problem = network(best, all);
-            robust = solvePoseNetwork(problem, soft);
-            best = robust.poses;
-            const double now = std::sqrt(median(robust.squared_distances) / kMedianSquare);
-            scale = stated_ ? std::max(1.0, now) : std::max(now, 1e-3);
-        }
-        std::vector<bool> used(observations_.size());
-        for (std::size_t i = 0; i < used.size(); ++i)
-            used[i] = robust.squared_distances[i] <= 2 * kOutlierSquare * scale * scale;
-        if (freedom(used) <= 0) return {};
-        const Fit fit = refine(best, used);
-        return fit.found ? withoutOutliers(fit) : fit;
-    }
-
-    const std::vector<HandEyeObservation>& observations_;
-    const HandEyeOptions& options_;
-    std::vector<std::string> names_;  // of the positions
-    std::vector<int> position_;       // of each observation
-    std::vector<PoseEvidence> evidence_;
-    std::vector<HandEyeMotion> motions_;
-    bool stated_ = true;  // the noise of every pose
-};
-
-// Root mean squares of those in use.
-void measure(const Fit& fit, double& place_mm, double& rotation_rad) {
-    double place = 0, rotation = 0, count = 0;
-    for (std::size_t i = 0; i < fit.used.size(); ++i) {
-        if (!fit.used[i]) continue;
-        place += fit.network.residuals[i].head<3>().squaredNorm();
-        rotation += fit.network.residuals[i].tail<3>().squaredNorm();
-        ++count;
-    }
-    place_mm = std::sqrt(place / count);
-    rotation_rad = std::sqrt(rotation / count);
-}
-
-bool contradictory(const Fit& fit, bool stated) {
-    if (!fit.found || 2 * fit.count() <= fit.used.size()) return true;
-    double place = 0, rotation = 0;
-    measure(fit, place, rotation);
-    const bool far = place > kContradictionMm || rotation > kContradictionRad;
-    return far || (stated && fit.factor > kContradiction);
-}
-
-// One simple mistake, undone.
-struct Mistake {
-    const char* sentence;  // "found: ..., but ... fit"
-    void (*undo)(std::vector<HandEyeObservation>&);
-};
-
-void replacePose(HandEyeObservation& one, const Rigid3& pose) {
-    // What was known of the pose's noise belongs to the pose as it was; its size is all that is asked here.
-    one.imager_from_corkscrew = pose;
-    one.covariance.reset();
-    one.evidence.reset();
-}
-
-const Rigid3& poseOf(const HandEyeObservation& one) {
-    return one.evidence ? one.evidence->target_from_source : one.imager_from_corkscrew;
-}
-
-void scaleRobot(std::vector<HandEyeObservation>& all, double factor) {
-    for (HandEyeObservation& one : all)
-        one.robot_from_flange = Rigid3(one.robot_from_flange.rotation(), factor * one.robot_from_flange.translation());
-}
-
-void shiftRobot(std::vector<HandEyeObservation>& all, std::size_t by) {
-    std::vector<Rigid3> poses;
-    for (const HandEyeObservation& one : all)
-        poses.push_back(one.robot_from_flange);
-    for (std::size_t i = 0; i < all.size(); ++i)
-        all[i].robot_from_flange = poses[(i + by) % all.size()];
-}
-
-const Mistake kMistakes[] = {
-    {"the robot poses fit when they are inverted: they seem to be flange_from_robot",
-     [](std::vector<HandEyeObservation>& all) {
-         for (HandEyeObservation& one : all)
-             one.robot_from_flange = one.robot_from_flange.inverse();
-     }},
-    {"the corkscrew poses fit when they are inverted: they seem to be corkscrew_from_imager",
-     [](std::vector<HandEyeObservation>& all) {
-         for (HandEyeObservation& one : all)
-             replacePose(one, poseOf(one).inverse());
-     }},
-    {"the poses fit when all are inverted: they seem to be flange_from_robot and corkscrew_from_imager",
-     [](std::vector<HandEyeObservation>& all) {
-         for (HandEyeObservation& one : all) {
-             one.robot_from_flange = one.robot_from_flange.inverse();
-             replacePose(one, poseOf(one).inverse());
-         }
-     }},
-    {"the robot poses fit when they are multiplied by 1000: they seem to be in metres",
-     [](std::vector<HandEyeObservation>& all) { scaleRobot(all, 1000); }},
-    {"the robot poses fit when they are divided by 1000: they seem to be in micrometres",
-     [](std::vector<HandEyeObservation>& all) { scaleRobot(all, 0.001); }},
-    {"the robot poses fit when they are multiplied by 25.4: they seem to be in inches",
-     [](std::vector<HandEyeObservation>& all) { scaleRobot(all, 25.4); }},
-    {"the robot poses fit in reverse order",
-     [](std::vector<HandEyeObservation>& all) {
-         std::vector<Rigid3> poses;
-         for (const HandEyeObservation& one : all)
-             poses.push_back(one.robot_from_flange);
-         for (std::size_t i = 0; i < all.size(); ++i)
-             all[i].robot_from_flange = poses[all.size() - 1 - i];
-     }},
-    {"the robot poses fit when each is taken for the image before it",
-     [](std::vector<HandEyeObservation>& all) { shiftRobot(all, 1); }},
-    {"the robot poses fit when each is taken for the image after it",
-     [](std::vector<HandEyeObservation>& all) { shiftRobot(all, all.size() - 1); }}};
-
-Error contradiction(const std::vector<HandEyeObservation>& observations, const HandEyeOptions& options,
-                    const Fit& fit) {
-    double place = 0, rotation = 0;
-    measure(fit, place, rotation);
-    const std::string found =
-        fit.found && fit.count() > 0
-            ? fmt::format("poses that contradict each other: {} of {} agree, within {:.2g} mm and {:.2g} degrees",
-                          fit.count(), fit.used.size(), place, degreesFromRadians(rotation))
-            : "poses that contradict each other";
-    for (const Mistake& mistake : kMistakes) {
-        std::vector<HandEyeObservation> tried = observations;
-        mistake.undo(tried);
-        // Judged by pose and covariance alone: a start is all that is needed.
-        HandEyeOptions plain = options;
-        plain.relinearise = nullptr;
-        const HandEye problem(tried, plain);
-        const Fit other = problem.solve();
-        if (contradictory(other, problem.stated()) || 5 * other.count() < 4 * other.used.size()) continue;
-        double other_place = 0, other_rotation = 0;
-        measure(other, other_place, other_rotation);
-        if (fit.found && fit.count() > fit.used.size() / 2 &&
-            !(5 * other_place < place || 5 * other_rotation < rotation))
-            continue;
-        return invalidInput(
-            kWhere, found,
-            fmt::format("robot_from_flange and imager_from_corkscrew of the same moment, in mm; {}", mistake.sentence),
-            "correct the file");
-    }
-    return noSolution(kWhere, found, "one place of the corkscrew on the flange that explains the images",
-                      "see whether the robot poses are in another order or unit, and whether C-arm or corkscrew moved");
-}
 
 std::string names(const std::vector<HandEyeObservation>& observations, const std::vector<bool>& which, bool value) {
     std::string text;
@@ -430,12 +26,12 @@ std::string names(const std::vector<HandEyeObservation>& observations, const std
 }
 
 // Two images left out that fit with each other's robot pose.
-bool fitExchanged(const std::vector<HandEyeObservation>& observations, const Fit& fit, const std::vector<int>& position,
-                  std::size_t a, std::size_t b) {
+bool fitExchanged(const std::vector<HandEyeObservation>& observations, const hand_eye::Fit& fit,
+                  const std::vector<int>& position, std::size_t a, std::size_t b) {
     const auto distance = [&](std::size_t image, std::size_t robot) {
         const Rigid3 predicted = fit.network.poses[static_cast<std::size_t>(position[image]) + 1] *
                                  observations[robot].robot_from_flange * fit.network.poses[0];
-        const Vector6 d = predicted.deltaFrom(poseOf(observations[image]));
+        const Vector6 d = predicted.deltaFrom(hand_eye::poseOf(observations[image]));
         return Vector2(d.head<3>().norm(), d.tail<3>().norm());
     };
     for (const auto& [i, j] : {std::pair(a, b), std::pair(b, a)}) {
@@ -508,15 +104,15 @@ Result<HandEyeCalibration> calibrateHandEye(const std::vector<HandEyeObservation
                                             const HandEyeOptions& options, Progress& progress) {
     const auto start = std::chrono::steady_clock::now();
     if (const Result<void> valid = check(observations, options); !valid) return valid.error();
-    const HandEye problem(observations, options);
+    const hand_eye::Problem problem(observations, options);
     if (const Result<void> enough =
             requireSpread(problem.spread(), observations.size(), problem.names().size(), options.least_turn_rad);
         !enough)
         return enough.error();
     progress.report(0.1, "Calibrating robot and corkscrew");
-    const Fit fit = problem.solve();
+    const hand_eye::Fit fit = problem.solve();
     if (progress.isCancelled()) return cancelled(kWhere);
-    if (contradictory(fit, problem.stated())) return contradiction(observations, options, fit);
+    if (hand_eye::contradictory(fit)) return hand_eye::explainContradiction(observations, options, fit);
 
     HandEyeCalibration result;
     const double inflation = fit.factor * fit.factor;
@@ -543,7 +139,8 @@ Result<HandEyeCalibration> calibrateHandEye(const std::vector<HandEyeObservation
         result.residuals.push_back({observations[i].name, r, r.head<3>().norm(), r.tail<3>().norm(),
                                     std::sqrt(fit.network.squared_distances[i]) / fit.factor, !fit.used[i]});
     }
-    measure(fit, result.rms_place_mm, result.rms_rotation_rad);
+    result.rms_place_mm = fit.placeMm();
+    result.rms_rotation_rad = fit.rotationRad();
     result.noise_factor = fit.factor;
     describeWeakness(result, options.limits);
 

@@ -1,4 +1,4 @@
-#include "core/registration/hand_eye_start.h"
+#include "core/registration/hand_eye/start.h"
 
 #include <array>
 #include <cmath>
