@@ -1,0 +1,291 @@
+#include "core/fiducial/corkscrew_detection.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "core/base/option_checks.h"
+#include "core/base/parallel.h"
+#include "core/fiducial/corkscrew/ring_search.h"
+#include "core/fiducial/corkscrew/shaft_lines.h"
+#include "core/fiducial/corkscrew/wire_match.h"
+
+namespace fluorocut {
+namespace {
+
+using namespace corkscrew;
+
+constexpr int kLeastPixels = 48;       // along a side of the image
+constexpr double kWirePixels = 2.2;    // width of a wire on the working grid
+constexpr double kTypicalDepth = 0.7;  // of the focal length
+constexpr int kLines = 24;
+constexpr int kGuessesPerLine = 10;
+constexpr std::size_t kTwisted = 100;  // guesses whose twist is scanned
+constexpr std::size_t kPolished = 32;  // poses that are polished
+constexpr double kReachPx = 6;         // of the first polishing
+constexpr double kTwinReachPx = 4;
+constexpr std::size_t kTwinned = 3;     // poses whose twins are tried
+constexpr double kLeastScore = 0.5;     // of a corkscrew; texture and clutter reach 0.45
+constexpr double kSureScore = 0.65;     // no need to try the other polarity
+constexpr double kLeastOfBest = 0.55;   // of the best one's evidence, to be a candidate
+constexpr double kSameRotation = 0.09;  // rad
+constexpr double kSameInPlane_mm = 2.5;
+constexpr double kSameDepth = 0.025;
+
+struct Found {
+    Rigid3 pose;
+    WireScore score;
+};
+
+bool better(const Found& a, const Found& b) {
+    return a.score.evidence > b.score.evidence;
+}
+
+bool alike(const Rigid3& a, const Rigid3& b) {
+    const Vector3 away = a.translation() - b.translation();
+    return a.rotation().angularDistance(b.rotation()) < kSameRotation && away.head<2>().norm() < kSameInPlane_mm &&
+           std::abs(away.z()) < kSameDepth * a.translation().z();
+}
+
+void sortDistinct(std::vector<Found>& all, std::size_t most) {
+    std::stable_sort(all.begin(), all.end(), better);
+    std::vector<Found> kept;
+    for (const Found& one : all) {
+        if (kept.size() >= most) break;
+        if (std::none_of(kept.begin(), kept.end(), [&](const Found& other) { return alike(one.pose, other.pose); }))
+            kept.push_back(one);
+    }
+    all = std::move(kept);
+}
+
+Rigid3 aboutAxis(const Rigid3& pose, double angle_rad) {
+    return {pose.rotation() * Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Vector3::UnitX())), pose.translation()};
+}
+
+double middleOf(const CorkscrewLayout& layout) {
+    return 0.5 * (layout.rings.front().x_mm + layout.rings.back().x_mm);
+}
+
+// The axis tilted to the other side of the plane across the ray through the middle: at a distance, rings look the same.
+Rigid3 otherRoll(const Rigid3& pose, double middle_mm) {
+    const Vector3 axis = pose.rotate(Vector3::UnitX()), middle = pose * Vector3(middle_mm, 0, 0);
+    const Vector3 ray = middle.normalized(), flipped = axis - 2 * axis.dot(ray) * ray;
+    const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(axis, flipped) * pose.rotation();
+    return {turn, middle - turn * Vector3(middle_mm, 0, 0)};
+}
+
+// The axis turned round.
+Rigid3 reversed(const Rigid3& pose, double middle_mm) {
+    const Eigen::Quaterniond turn =
+        pose.rotation() * Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Vector3::UnitZ()));
+    return {turn, pose * Vector3(middle_mm, 0, 0) - turn * Vector3(middle_mm, 0, 0)};
+}
+
+class Search {
+  public:
+    Search(const CorkscrewLayout& layout, const CorkscrewDetectionOptions& options)
+        : layout_(layout), options_(options), samples_(layout), middle_mm_(middleOf(layout)) {}
+
+    // Best first, distinct. Empty: no line, or nothing round it.
+    std::vector<Found> run(const RidgeImage& ridges) const {
+        const std::vector<ImageLine> lines = shaftLines(ridges.shaft_points, ridges.image.carm, kLines);
+        std::vector<std::vector<AxisGuess>> per_line(lines.size());
+        parallelFor(lines.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                per_line[i] =
+                    ringPatterns(ridges.wires_dilated, ridges.image.carm, layout_, lines[i], options_, kGuessesPerLine);
+            }
+        });
+        std::vector<AxisGuess> guesses;
+        for (const std::vector<AxisGuess>& some : per_line)
+            guesses.insert(guesses.end(), some.begin(), some.end());
+        std::stable_sort(guesses.begin(), guesses.end(),
+                         [](const AxisGuess& a, const AxisGuess& b) { return a.score > b.score; });
+        if (guesses.size() > kTwisted) guesses.resize(kTwisted);
+
+        std::vector<Found> found = polishedTwists(ridges, guesses, 3, kPolished, kReachPx);
+        sortDistinct(found, kPolished);
+        addTwins(ridges, found);
+        for (Found& one : found)
+            one = again(ridges, one);
+        sortDistinct(found, static_cast<std::size_t>(options_.most_candidates));
+        return found;
+    }
+
+  private:
+    struct Start {
+        Rigid3 pose;
+        double score;
+    };
+
+    std::vector<Found> polishedTwists(const RidgeImage& ridges, const std::vector<AxisGuess>& guesses, int twists,
+                                      std::size_t most, double reach_px) const {
+        std::vector<std::vector<Start>> per_guess(guesses.size());
+        parallelFor(guesses.size(), 4, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                const AxisGuess& guess = guesses[i];
+                for (const Twist& twist : bestTwists(ridges, samples_, guess.imager_from_corkscrew, twists)) {
+                    per_guess[i].push_back({aboutAxis(guess.imager_from_corkscrew, twist.angle_rad),
+                                            ring_share_ * guess.score + (1 - ring_share_) * twist.score});
+                }
+            }
+        });
+        std::vector<Start> starts;
+        for (const std::vector<Start>& some : per_guess)
+            starts.insert(starts.end(), some.begin(), some.end());
+        std::stable_sort(starts.begin(), starts.end(),
+                         [](const Start& a, const Start& b) { return a.score > b.score; });
+        if (starts.size() > most) starts.resize(most);
+        std::vector<Found> found(starts.size());
+        parallelFor(starts.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                found[i].pose = polished(ridges, samples_, starts[i].pose, reach_px);
+                found[i].score = wireScore(ridges, samples_, found[i].pose);
+            }
+        });
+        return found;
+    }
+
+    void addTwins(const RidgeImage& ridges, std::vector<Found>& found) const {
+        std::vector<AxisGuess> twins;
+        for (std::size_t i = 0; i < std::min(found.size(), kTwinned); ++i) {
+            const Rigid3& pose = found[i].pose;
+            const Rigid3 turned = reversed(pose, middle_mm_);
+            for (const Rigid3& twin : {pose, otherRoll(pose, middle_mm_), turned, otherRoll(turned, middle_mm_)})
+                twins.push_back({twin, 0});
+        }
+        const std::vector<Found> more = polishedTwists(ridges, twins, 2, 2 * twins.size(), kTwinReachPx);
+        found.insert(found.end(), more.begin(), more.end());
+        sortDistinct(found, kPolished);
+    }
+
+    Found again(const RidgeImage& ridges, const Found& one) const {
+        Found next;
+        next.pose = polished(ridges, samples_, one.pose, 2.5);
+        next.score = wireScore(ridges, samples_, next.pose);
+        return better(next, one) ? next : one;
+    }
+
+    const CorkscrewLayout& layout_;
+    const CorkscrewDetectionOptions& options_;
+    WireSamples samples_;
+    double middle_mm_;
+    double ring_share_ = 0.2;  // weight of each ring; the helix has as much as the rest
+};
+
+Result<void> requireUsable(const Image& image, const CArm& carm) {
+    if (const auto good = carm.validate(); !good) return good;
+    if (image.width() != carm.columns || image.height() != carm.rows) {
+        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
+                            fmt::format("{} x {}, as the C-arm file says", carm.columns, carm.rows),
+                            "choose the C-arm that took the image");
+    }
+    if (image.width() < kLeastPixels || image.height() < kLeastPixels) {
+        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
+                            fmt::format("at least {0} x {0}", kLeastPixels));
+    }
+    const bool finite =
+        std::all_of(image.pixels().begin(), image.pixels().end(), [](float v) { return std::isfinite(v); });
+    if (!finite) return invalidInput("image", "a pixel that is no number", "grey values", "export it again");
+    return {};
+}
+
+// Thin metal leaves a tail on its own side of what is left when the image is smoothed.
+bool looksBright(const WorkingImage& dark) {
+    double cubes = 0, squares = 0;
+    int count = 0;
+    const Image& log = dark.log;
+    constexpr int kAway = 4;
+    for (int y = kAway; y + kAway < log.height(); y += 2) {
+        for (int x = kAway; x + kAway < log.width(); x += 2) {
+            const double off =
+                log(x, y) - 0.25 * (log(x - kAway, y) + log(x + kAway, y) + log(x, y - kAway) + log(x, y + kAway));
+            if (!std::isfinite(dark.sigma(x, y))) continue;
+            const double capped = std::clamp(off, -0.5, 0.5);
+            cubes += capped * capped * capped;
+            squares += capped * capped;
+            ++count;
+        }
+    }
+    return count > 0 && squares > 0 && cubes > 0;
+}
+
+}  // namespace
+
+CorkscrewDetection::CorkscrewDetection() : elapsed_ms(std::numeric_limits<double>::quiet_NaN()) {}
+
+Result<void> CorkscrewDetectionOptions::validate() const {
+    if (const auto good = requireRanges({{"least_depth", least_depth, 0.1, 0.99, "of the focal length"},
+                                         {"most_depth", most_depth, 0.1, 0.999, "of the focal length"},
+                                         {"steepest_rad", steepest_rad, 0.1, 1.4, "rad"},
+                                         {"least_visible", least_visible, 0.2, 1, ""},
+                                         {"most_candidates", static_cast<double>(most_candidates), 1, 32, ""}});
+        !good) {
+        return good;
+    }
+    if (!(least_depth < most_depth)) {
+        return invalidOption("least_depth", fmt::format("{:.3g}", least_depth),
+                             fmt::format("less than most_depth, {:.3g}", most_depth));
+    }
+    return {};
+}
+
+Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
+                                           const CorkscrewDetectionOptions& options, Progress& progress) {
+    const auto start = std::chrono::steady_clock::now();
+    if (const auto good = options.validate(); !good) return good.error();
+    if (const auto good = layout.validate(); !good) return good.error();
+    if (const auto good = requireUsable(image, carm); !good) return good.error();
+
+    const double pixel_mm = 2 * layout.helix.wire_radius_mm / kTypicalDepth / kWirePixels;
+    const Search search(layout, options);
+    std::vector<Found> best;
+    CorkscrewDetection detection;
+    Result<WorkingImage> dark = workingImage(image, carm, pixel_mm, false);
+    if (!dark) return dark.error();
+    const bool bright_first = looksBright(*dark);
+    for (const bool second : {false, true}) {
+        if (progress.isCancelled()) return cancelled("corkscrew detection");
+        progress.report(second ? 0.5 : 0.05, "looking for the corkscrew");
+        const bool bright = bright_first != second;
+        Result<WorkingImage> working = bright ? workingImage(image, carm, pixel_mm, true) : std::move(dark);
+        if (!working) return working.error();
+        std::vector<Found> found = search.run(ridgeImage(std::move(*working), layout));
+        if (!found.empty() && (best.empty() || better(found.front(), best.front()))) {
+            best = std::move(found);
+            detection.metal_is_bright = bright;
+        }
+        if (!best.empty() && best.front().score.score >= kSureScore) break;
+    }
+    const std::string wanted = fmt::format("a shaft of {:.3g} mm with {} rings and a helix round it",
+                                           2 * layout.shaft_radius_mm, layout.rings.size());
+    if (best.empty() || !(best.front().score.score >= kLeastScore)) {
+        return noSolution("corkscrew detection",
+                          best.empty() ? "no straight line with rings round it"
+                                       : fmt::format("nothing that shows more than {:.0f} % of its wires",
+                                                     100 * best.front().score.score),
+                          wanted, "check that the corkscrew is in the image and that its layout file is the right one");
+    }
+    if (!(best.front().score.visible >= options.least_visible)) {
+        return noSolution(
+            "corkscrew detection",
+            fmt::format("only {:.0f} % of the corkscrew's wires inside the image", 100 * best.front().score.visible),
+            fmt::format("at least {:.0f} %", 100 * options.least_visible),
+            "move the C-arm or the corkscrew toward the middle of the image");
+    }
+    for (const Found& one : best) {
+        if (one.score.evidence < kLeastOfBest * best.front().score.evidence) break;
+        if (one.score.visible < options.least_visible) continue;
+        detection.candidates.push_back({one.pose, one.score.score, one.score.visible});
+    }
+    progress.report(1, "corkscrew found");
+    detection.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    return detection;
+}
+
+}  // namespace fluorocut
