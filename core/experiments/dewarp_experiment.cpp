@@ -16,6 +16,7 @@
 #include "core/distortion/bead_test.h"
 #include "core/distortion/distortion_map.h"
 #include "core/distortion/groove_detection.h"
+#include "core/experiments/simulated_imager.h"
 #include "core/fiducial/bead_detection.h"
 #include "core/simulation/calibration_objects.h"
 #include "core/simulation/truth.h"
@@ -224,20 +225,9 @@ MapErrors mapErrors(const DistortionMap& map, const CArm& true_carm) {
     }
     MapErrors errors;
     if (seen.size() < 3) return errors;
-    Vector2 seen_mean = Vector2::Zero(), truth_mean = Vector2::Zero();
+    const PlaneMotion truth_from_seen = bestMotion(seen, truth);
     for (std::size_t i = 0; i < seen.size(); ++i) {
-        seen_mean += seen[i] / static_cast<double>(seen.size());
-        truth_mean += truth[i] / static_cast<double>(seen.size());
-    }
-    double cosine = 0, sine = 0;
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        const Vector2 a = seen[i] - seen_mean, b = truth[i] - truth_mean;
-        cosine += a.dot(b);
-        sine += a.x() * b.y() - a.y() * b.x();
-    }
-    const Eigen::Rotation2Dd turn(std::atan2(sine, cosine));
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        const double error = (turn * (seen[i] - seen_mean) + truth_mean - truth[i]).norm();
+        const double error = (truth_from_seen * seen[i] - truth[i]).norm();
         const bool centre = seen[i].cwiseAbs().maxCoeff() <= kCentreHalfMm;
         (centre ? errors.centre : errors.margin).push_back(error);
     }

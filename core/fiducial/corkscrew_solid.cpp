@@ -13,10 +13,15 @@ namespace fluorocut {
 namespace {
 
 // A cylinder about the x axis; nothing when it has no length.
-TriangleMesh alongX(double radius_mm, double from_mm, double to_mm, int sides) {
+TriangleMesh alongX(double radius_mm, double from_mm, double to_mm, int sides, double piece_mm) {
     if (!(from_mm < to_mm)) return {};
-    const Vector3 x = Vector3::UnitX();
-    return makeTube({{from_mm * x, x, Vector3::UnitZ()}, {to_mm * x, x, Vector3::UnitZ()}}, radius_mm, sides, false);
+    const int pieces = static_cast<int>(std::ceil((to_mm - from_mm) / piece_mm));
+    std::vector<TubePoint> line;
+    for (int i = 0; i <= pieces; ++i) {
+        const double x = from_mm + (to_mm - from_mm) * i / pieces;
+        line.push_back({{x, 0, 0}, Vector3::UnitX(), Vector3::UnitZ()});
+    }
+    return makeTube(line, radius_mm, sides, false);
 }
 
 // Across the wire one direction lies along the axis: it is never along a ring's or the helix's tangent.
@@ -45,7 +50,8 @@ Result<void> CorkscrewFineness::validate() const {
     return requireRanges({{"around_axis", static_cast<double>(around_axis), 8, 4096, ""},
                           {"around_shaft", static_cast<double>(around_shaft), 3, 4096, ""},
                           {"around_wire", static_cast<double>(around_wire), 3, 512, ""},
-                          {"bead_subdivisions", static_cast<double>(bead_subdivisions), 0, 7, ""}});
+                          {"bead_subdivisions", static_cast<double>(bead_subdivisions), 0, 7, ""},
+                          {"piece_mm", piece_mm, 0.1, 10000, "mm"}});
 }
 
 Result<CorkscrewSolid> corkscrewSolid(const CorkscrewLayout& layout, const CorkscrewFineness& fineness) {
@@ -54,10 +60,10 @@ Result<CorkscrewSolid> corkscrewSolid(const CorkscrewLayout& layout, const Corks
     const auto [rod_low, rod_high] = layout.rod_x_mm;
     const auto [shaft_low, shaft_high] = layout.shaft_x_mm;
     const auto shaft = [&](double from_mm, double to_mm) {
-        return alongX(layout.shaft_radius_mm, from_mm, to_mm, fineness.around_shaft);
+        return alongX(layout.shaft_radius_mm, from_mm, to_mm, fineness.around_shaft, fineness.piece_mm);
     };
     CorkscrewSolid solid;
-    solid.rod = alongX(layout.rod_radius_mm, rod_low, rod_high, fineness.around_axis);
+    solid.rod = alongX(layout.rod_radius_mm, rod_low, rod_high, fineness.around_axis, fineness.piece_mm);
     solid.shaft_inside = shaft(std::max(shaft_low, rod_low), std::min(shaft_high, rod_high));
     solid.shaft_outside =
         merged(shaft(shaft_low, std::min(shaft_high, rod_low)), shaft(std::max(shaft_low, rod_high), shaft_high));

@@ -21,9 +21,12 @@ struct CorkscrewFineness {
     int around_shaft = 128;
     int around_wire = 64;
     int bead_subdivisions = 5;
+    // Rod and shaft are cut into pieces so long, at most: nothing changes but that a projector finds small triangles
+    // faster than needles.
+    double piece_mm = 4;
 
     // For looking at and for printing: within 0.02 mm of the round shape, a tenth of the triangles.
-    static CorkscrewFineness coarse() { return {128, 48, 16, 3}; }
+    static CorkscrewFineness coarse() { return {128, 48, 16, 3, 1000}; }
 
     Result<void> validate() const;
 };
