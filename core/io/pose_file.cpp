@@ -25,28 +25,6 @@ Frame readFrame(JsonObject& file, std::string_view field) {
     return {};
 }
 
-std::optional<Matrix6> readCovariance(JsonObject& file) {
-    if (file.isNull("covariance")) return std::nullopt;
-    const Matrix6 covariance = file.matrix("covariance", 6, 6);
-    if (file.failed()) return std::nullopt;
-    // Both limits are relative: files carry as few as 6 digits.
-    const double scale = covariance.cwiseAbs().maxCoeff();
-    const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
-    if (!(asymmetry <= 1e-5 * scale)) {
-        file.fail("covariance", fmt::format("a matrix that is not symmetric (by {:.3g})", asymmetry),
-                  "a symmetric matrix");
-        return std::nullopt;
-    }
-    const Matrix6 symmetric = 0.5 * (covariance + covariance.transpose());
-    const double least = Eigen::SelfAdjointEigenSolver<Matrix6>(symmetric, Eigen::EigenvaluesOnly).eigenvalues()[0];
-    if (!(least >= -1e-5 * scale)) {
-        file.fail("covariance", fmt::format("a negative variance ({:.3g}) in some direction", least),
-                  "a positive semi-definite matrix");
-        return std::nullopt;
-    }
-    return symmetric;
-}
-
 template <class M>
 nlohmann::ordered_json rows(const M& matrix) {
     nlohmann::ordered_json result = nlohmann::ordered_json::array();
@@ -61,6 +39,27 @@ nlohmann::ordered_json rows(const M& matrix) {
 
 }  // namespace
 
+std::optional<Matrix6> readCovariance(JsonObject& file, std::string_view field) {
+    if (file.isNull(field)) return std::nullopt;
+    const Matrix6 covariance = file.matrix(field, 6, 6);
+    if (file.failed()) return std::nullopt;
+    // Both limits are relative: files carry as few as 6 digits.
+    const double scale = covariance.cwiseAbs().maxCoeff();
+    const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
+    if (!(asymmetry <= 1e-5 * scale)) {
+        file.fail(field, fmt::format("a matrix that is not symmetric (by {:.3g})", asymmetry), "a symmetric matrix");
+        return std::nullopt;
+    }
+    const Matrix6 symmetric = 0.5 * (covariance + covariance.transpose());
+    const double least = Eigen::SelfAdjointEigenSolver<Matrix6>(symmetric, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    if (!(least >= -1e-5 * scale)) {
+        file.fail(field, fmt::format("a negative variance ({:.3g}) in some direction", least),
+                  "a positive semi-definite matrix");
+        return std::nullopt;
+    }
+    return symmetric;
+}
+
 Result<Pose> readPose(const std::filesystem::path& path) {
     Result<JsonObject> file = readJson(path, kSchema);
     if (!file) return file.error();
@@ -68,7 +67,7 @@ Result<Pose> readPose(const std::filesystem::path& path) {
     pose.target = readFrame(*file, "target");
     pose.source = readFrame(*file, "source");
     pose.target_from_source = file->rigid("matrix");
-    pose.covariance = readCovariance(*file);
+    pose.covariance = readCovariance(*file, "covariance");
     if (Result<void> read = file->finish(); !read) return read.error();
     return pose;
 }

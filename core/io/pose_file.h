@@ -7,9 +7,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <string_view>
 
 #include "core/base/result.h"
 #include "core/geometry/pose.h"
+#include "core/io/json_file.h"
 
 namespace fluorocut {
 
@@ -17,6 +20,9 @@ Result<Pose> readPose(const std::filesystem::path& path);
 
 // The same, and refuses a pose between other frames than the two expected.
 Result<Pose> readPose(const std::filesystem::path& path, Frame target, Frame source);
+
+// The field of that name of a file, absent or null: nothing.
+std::optional<Matrix6> readCovariance(JsonObject& file, std::string_view field);
 
 Result<void> writePose(const std::filesystem::path& path, const Pose& pose);
 

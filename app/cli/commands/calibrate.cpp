@@ -346,13 +346,13 @@ Command declareImager(CLI::App& parent) {
 Command declareCalibrate(CLI::App& parent) {
     CLI::App* app = parent.add_subcommand("calibrate", "Measure the geometry of a device");
     app->fallthrough();
-    const std::vector<Command> kinds{declareImager(*app)};
-    app->footer("`fluorocut-cli calibrate imager --help` tells its options.");
+    const std::vector<Command> kinds{declareImager(*app), declareCalibrateRobot(*app)};
+    app->footer("`fluorocut-cli calibrate imager --help` and `calibrate robot --help` tell their options.");
     return {app, [kinds](Progress& progress) -> Result<Report> {
                 for (const Command& kind : kinds) {
                     if (kind.app->parsed()) return kind.run(progress);
                 }
-                return invalidOption("calibrate", "nothing to calibrate", "imager", "see --help");
+                return invalidOption("calibrate", "nothing to calibrate", "imager or robot", "see --help");
             }};
 }
 

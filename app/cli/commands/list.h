@@ -12,6 +12,7 @@ Command declarePhantom(CLI::App& parent);
 Command declareCutVolume(CLI::App& parent);
 Command declareDewarp(CLI::App& parent);
 Command declareCalibrate(CLI::App& parent);
+Command declareCalibrateRobot(CLI::App& parent);  // below calibrate
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);

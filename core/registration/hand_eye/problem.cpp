@@ -7,6 +7,7 @@
 
 #include <Eigen/Dense>
 
+#include "core/base/chi_square.h"
 #include "core/base/median.h"
 #include "core/base/random.h"
 
@@ -17,11 +18,8 @@ namespace {
 constexpr double kMedianSquare = 5.348;
 constexpr double kOutlierSquare = 27.86;
 constexpr int kSamples = 150;
-// What one in 1000 values of chi squared exceeds (Wilson and Hilferty).
-double chiSquaredLimit(double freedom) {
-    const double v = 2 / (9 * freedom);
-    return freedom * std::pow(1 - v + 3.09 * std::sqrt(v), 3);
-}
+// Noise is taken at its word unless the residuals are less likely than this.
+constexpr double kUnlikely = 0.001;
 
 }  // namespace
 
@@ -173,7 +171,9 @@ Fit Problem::refine(const std::vector<Rigid3>& start, const std::vector<bool>& u
     if (!fit.found) return fit;
     const double squares = sumOfSquares(fit.network, used);
     const double factor = std::sqrt(squares / free);
-    fit.factor = !stated_ ? std::max(factor, 1e-6) : squares > chiSquaredLimit(free) ? factor : 1;
+    fit.factor = !stated_                                                     ? std::max(factor, 1e-6)
+                 : chiSquareTail(squares, static_cast<int>(free)) < kUnlikely ? factor
+                                                                              : 1;
     fit.median = std::sqrt(median(fit.network.squared_distances));
     return fit;
 }
