@@ -24,11 +24,11 @@ constexpr int kLeastPixels = 48;       // along a side of the image
 constexpr double kWirePixels = 2.2;    // width of a wire on the working grid
 constexpr double kTypicalDepth = 0.7;  // of the focal length
 constexpr int kLines = 24;
-constexpr int kGuessesPerLine = 10;
+constexpr int kGuessesPerLine = 40;
 constexpr std::size_t kTwisted = 100;  // guesses whose twist is scanned
 constexpr std::size_t kPolished = 32;  // poses that are polished
-constexpr double kReachPx = 6;         // of the first polishing
-constexpr double kTwinReachPx = 4;
+constexpr double kReachPx = 3;         // of the first polishing
+constexpr double kTwistedReachPx = 4;
 constexpr std::size_t kTwinned = 3;     // poses whose twins are tried
 constexpr double kLeastScore = 0.5;     // of a corkscrew; texture and clutter reach 0.45
 constexpr double kSureScore = 0.65;     // no need to try the other polarity
@@ -107,8 +107,12 @@ class Search {
         std::stable_sort(guesses.begin(), guesses.end(),
                          [](const AxisGuess& a, const AxisGuess& b) { return a.score > b.score; });
         if (guesses.size() > kTwisted) guesses.resize(kTwisted);
+        parallelFor(guesses.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                guesses[i] = alongRings(ridges, guesses[i].imager_from_corkscrew, kReachPx);
+        });
 
-        std::vector<Found> found = polishedTwists(ridges, guesses, 3, kPolished, kReachPx);
+        std::vector<Found> found = polishedTwists(ridges, guesses, 3, kPolished);
         sortDistinct(found, kPolished);
         addTwins(ridges, found);
         for (Found& one : found)
@@ -123,15 +127,23 @@ class Search {
         double score;
     };
 
+    AxisGuess alongRings(const RidgeImage& ridges, const Rigid3& pose, double reach_px) const {
+        const Rigid3 better_pose =
+            polished(ridges, samples_, climbed(ridges, samples_.rings(), pose, false), reach_px, Wires::rings);
+        return {better_pose, wireScore(ridges, samples_.rings(), better_pose).evidence};
+    }
+
     std::vector<Found> polishedTwists(const RidgeImage& ridges, const std::vector<AxisGuess>& guesses, int twists,
-                                      std::size_t most, double reach_px) const {
+                                      std::size_t most) const {
+        const double ring_share =
+            static_cast<double>(samples_.first_of_helix) / static_cast<double>(samples_.wires.size());
         std::vector<std::vector<Start>> per_guess(guesses.size());
-        parallelFor(guesses.size(), 4, [&](std::size_t begin, std::size_t end) {
+        parallelFor(guesses.size(), 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
                 const AxisGuess& guess = guesses[i];
                 for (const Twist& twist : bestTwists(ridges, samples_, guess.imager_from_corkscrew, twists)) {
                     per_guess[i].push_back({aboutAxis(guess.imager_from_corkscrew, twist.angle_rad),
-                                            ring_share_ * guess.score + (1 - ring_share_) * twist.score});
+                                            ring_share * guess.score + (1 - ring_share) * twist.score});
                 }
             }
         });
@@ -144,8 +156,9 @@ class Search {
         std::vector<Found> found(starts.size());
         parallelFor(starts.size(), 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
-                found[i].pose = polished(ridges, samples_, starts[i].pose, reach_px);
-                found[i].score = wireScore(ridges, samples_, found[i].pose);
+                found[i].pose =
+                    polished(ridges, samples_, climbed(ridges, samples_.wires, starts[i].pose, true), kTwistedReachPx);
+                found[i].score = wireScore(ridges, samples_.wires, found[i].pose);
             }
         });
         return found;
@@ -157,9 +170,9 @@ class Search {
             const Rigid3& pose = found[i].pose;
             const Rigid3 turned = reversed(pose, middle_mm_);
             for (const Rigid3& twin : {pose, otherRoll(pose, middle_mm_), turned, otherRoll(turned, middle_mm_)})
-                twins.push_back({twin, 0});
+                twins.push_back(alongRings(ridges, twin, kTwistedReachPx));
         }
-        const std::vector<Found> more = polishedTwists(ridges, twins, 2, 2 * twins.size(), kTwinReachPx);
+        const std::vector<Found> more = polishedTwists(ridges, twins, 2, 2 * twins.size());
         found.insert(found.end(), more.begin(), more.end());
         sortDistinct(found, kPolished);
     }
@@ -167,7 +180,7 @@ class Search {
     Found again(const RidgeImage& ridges, const Found& one) const {
         Found next;
         next.pose = polished(ridges, samples_, one.pose, 2.5);
-        next.score = wireScore(ridges, samples_, next.pose);
+        next.score = wireScore(ridges, samples_.wires, next.pose);
         return better(next, one) ? next : one;
     }
 
@@ -175,7 +188,6 @@ class Search {
     const CorkscrewDetectionOptions& options_;
     WireSamples samples_;
     double middle_mm_;
-    double ring_share_ = 0.2;  // weight of each ring; the helix has as much as the rest
 };
 
 Result<void> requireUsable(const Image& image, const CArm& carm) {

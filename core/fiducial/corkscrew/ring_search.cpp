@@ -16,9 +16,9 @@ constexpr int kPlaceStepPx = 2;
 constexpr int kAround = 32;          // samples of an ellipse
 constexpr double kLeastSpeed = 0.3;  // of a sample along it: nearer to the end of an edge-on ring nothing runs along
 constexpr int kBeyondPx = 48;        // the pattern's middle may lie this far outside the image
-constexpr int kPlacesPerBin = 4;     // of kPlaceStepPx: the best of each bin is kept
-constexpr int kDepthBins = 4;
-constexpr int kRollBins = 4;
+constexpr int kPlacesPerBin = 2;     // of kPlaceStepPx: the best of each bin is kept
+constexpr int kDepthBins = 6;
+constexpr int kRollBins = 9;
 
 // The picture along a line, one plane per direction of the ridge: rows across, columns along.
 class Strip {
@@ -200,7 +200,7 @@ std::vector<AxisGuess> ringPatterns(const RidgeMap& ridges, const CArm& ideal, c
     for (const Guess& guess : best) {
         if (guess.score <= 0 || static_cast<int>(guesses.size()) >= most) break;
         const bool known = std::any_of(chosen.begin(), chosen.end(), [&](const Guess& other) {
-            return other.sense == guess.sense && std::abs(other.place_px - guess.place_px) < 7 &&
+            return other.sense == guess.sense && std::abs(other.place_px - guess.place_px) < 3 &&
                    std::abs(other.roll_rad - guess.roll_rad) < 1.5 * kRollStep &&
                    std::abs(other.depth_mm / guess.depth_mm - 1) < 1.5 * (kDepthStep - 1);
         });

@@ -59,7 +59,7 @@ Vector6 gradientOf(const CArm& carm, const Vector3& turned, const Vector3& p, do
     return result;
 }
 
-void observe(const RidgeImage& ridges, const RidgeMap& map, const std::vector<WireSample>& samples, const Rigid3& pose,
+void observe(const RidgeImage& ridges, const RidgeMap& map, std::span<const WireSample> samples, const Rigid3& pose,
              double reach_px, double weight, double least_length, std::vector<Observation>& observations) {
     const CArm& carm = ridges.image.carm;
     const Matrix3 turn = pose.rotationMatrix();
@@ -127,11 +127,12 @@ RidgeImage ridgeImage(WorkingImage image, const CorkscrewLayout& layout) {
     return ridges;
 }
 
-WireScore wireScore(const RidgeImage& ridges, const WireSamples& samples, const Rigid3& imager_from_corkscrew) {
+WireScore wireScore(const RidgeImage& ridges, std::span<const WireSample> samples,
+                    const Rigid3& imager_from_corkscrew) {
     const Matrix3 turn = imager_from_corkscrew.rotationMatrix();
     int inside = 0;
     double sum = 0;
-    for (const WireSample& sample : samples.wires) {
+    for (const WireSample& sample : samples) {
         Projected at{};
         if (!project(ridges.image.carm, turn * sample.point + imager_from_corkscrew.translation(),
                      turn * sample.tangent, at) ||
@@ -142,7 +143,7 @@ WireScore wireScore(const RidgeImage& ridges, const WireSamples& samples, const 
         sum += std::min(1.0, between(ridges.wires, at.x, at.y, directionOf(at.tx, at.ty)) / kCertain);
     }
     if (inside == 0) return {};
-    const double visible = static_cast<double>(inside) / static_cast<double>(samples.wires.size());
+    const double visible = static_cast<double>(inside) / static_cast<double>(samples.size());
     const double score = sum / inside;
     return {score, visible, (score - kChance / kCertain) * visible};
 }
@@ -180,12 +181,73 @@ std::vector<Twist> bestTwists(const RidgeImage& ridges, const WireSamples& sampl
     return twists;
 }
 
-Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pose, double reach_px) {
+Rigid3 climbed(const RidgeImage& ridges, std::span<const WireSample> samples, const Rigid3& pose, bool with_twist) {
+    const auto height = [&](const Rigid3& at) {
+        const Matrix3 turn = at.rotationMatrix();
+        double sum = 0;
+        for (const WireSample& sample : samples) {
+            Projected seen{};
+            if (!project(ridges.image.carm, turn * sample.point + at.translation(), turn * sample.tangent, seen))
+                continue;
+            const int direction = directionOf(seen.tx, seen.ty);
+            sum += nearest(ridges.wires_dilated, seen.x, seen.y, direction) +
+                   nearest(ridges.wires, seen.x, seen.y, direction) - 2 * kChance;
+        }
+        return sum;
+    };
+    // In the frame of axis (x), sideways (y) and away from the source (z).
+    const auto moved = [&](const Rigid3& from, const Vector6& step) {
+        const Vector3 axis = from.rotate(Vector3::UnitX()), ray = from.translation().normalized();
+        const Vector3 side = ray.cross(axis).normalized(), along = side.cross(ray);
+        Vector6 delta;
+        delta << step(0) * along + step(1) * side + step(2) * ray, step(3) * axis + step(4) * side + step(5) * ray;
+        return from.perturbed(delta);
+    };
+    const double depth = pose.translation().z();
+    Vector6 size;
+    size << 1.2, 0.6, 0.02 * depth, with_twist ? 0.06 : 0.0, 0.06, 0.012;
+    Rigid3 best = pose;
+    double top = height(best);
+    constexpr int kMostRounds = 9;
+    for (int round = 0, halvings = 0; round < kMostRounds && halvings < 3; ++round) {
+        Rigid3 next = best;
+        double next_top = top;
+        const auto attempt = [&](const Vector6& step) {
+            const Rigid3 there = moved(best, step);
+            if (!(there.translation().z() > 1)) return;
+            const double here = height(there);
+            if (here > next_top) {
+                next_top = here;
+                next = there;
+            }
+        };
+        for (int axis = 0; axis < 6; ++axis) {
+            if (size(axis) == 0) continue;
+            for (const double sign : {-1.0, 1.0})
+                attempt(sign * size(axis) * Vector6::Unit(axis));
+        }
+        for (const double a : {-1.0, 1.0})  // depth and roll trade
+            for (const double b : {-1.0, 1.0})
+                attempt(a * size(2) * Vector6::Unit(2) + b * size(4) * Vector6::Unit(4));
+        if (next_top > top) {
+            best = next;
+            top = next_top;
+        } else {
+            size *= 0.5;
+            ++halvings;
+        }
+    }
+    return best;
+}
+
+Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pose, double reach_px, Wires wires) {
     std::vector<Observation> observations;
     std::vector<double> sizes;
     for (double reach = reach_px; reach > 1.4; reach *= 0.7) {
         observations.clear();
-        observe(ridges, ridges.wires, samples.wires, pose, reach, 1, kLeastForeshortening, observations);
+        observe(ridges, ridges.wires,
+                wires == Wires::all ? std::span<const WireSample>(samples.wires) : samples.rings(), pose, reach, 1,
+                kLeastForeshortening, observations);
         observe(ridges, ridges.shafts, samples.shaft, pose, reach, kShaftWeight, 0.1, observations);
         if (observations.size() < 24) return pose;
         const Rigid3 start = pose;
@@ -209,6 +271,10 @@ Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pos
             Vector6 known;
             known << 0.02 * depth, 0.02 * depth, 0.05 * depth, 0.2, 0.2, 0.2;
             information.diagonal() += (known.array().square().inverse()).matrix();
+            if (wires == Wires::rings) {  // which do not see the twist
+                const Vector3 axis = pose.rotate(Vector3::UnitX());
+                information.bottomRightCorner<3, 3>() += 1e9 * axis * axis.transpose();
+            }
             const Eigen::LDLT<Matrix6> solver(information);
             if (solver.info() != Eigen::Success) return start;
             delta = solver.solve(right);

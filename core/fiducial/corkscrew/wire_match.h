@@ -2,6 +2,7 @@
 // that fits better.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/fiducial/corkscrew/ridge_map.h"
@@ -19,6 +20,8 @@ struct WireSamples {
     std::vector<WireSample> wires;  // of the helix from `first_of_helix` on
     std::size_t first_of_helix = 0;
     std::vector<WireSample> shaft;
+
+    std::span<const WireSample> rings() const { return std::span(wires).first(first_of_helix); }
 
     explicit WireSamples(const CorkscrewLayout& layout);
 };
@@ -44,7 +47,7 @@ struct WireScore {
     double evidence = 0;  // above chance, times what is visible: what hypotheses compare by
 };
 
-WireScore wireScore(const RidgeImage& ridges, const WireSamples& samples, const Rigid3& imager_from_corkscrew);
+WireScore wireScore(const RidgeImage& ridges, std::span<const WireSample> samples, const Rigid3& imager_from_corkscrew);
 
 struct Twist {
     double angle_rad = 0;  // pose * Rx(angle)
@@ -53,7 +56,15 @@ struct Twist {
 // Local maxima of a scan, best first, at most `most`.
 std::vector<Twist> bestTwists(const RidgeImage& ridges, const WireSamples& samples, const Rigid3& pose, int most);
 
+// The pose at the top of the hill of ridges under the samples: a pattern search over depth, roll, pitch, place (and
+// twist, unless the samples are those of the rings). It sees further than least squares, which mistakes a ring for the
+// one beside it.
+Rigid3 climbed(const RidgeImage& ridges, std::span<const WireSample> samples, const Rigid3& pose, bool with_twist);
+
 // Least squares of the distances to the nearest ridges that run the right way; the reach shrinks from `reach_px`.
-Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pose, double reach_px);
+// Without the helix the twist stays.
+enum class Wires { all, rings };
+Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pose, double reach_px,
+                Wires wires = Wires::all);
 
 }  // namespace fluorocut::corkscrew
