@@ -105,10 +105,10 @@ class Estimate {
                 if (known(best, one)) continue;
                 Refined refined = refine(one.imager_from_layout);
                 if (!refined.ok) continue;
-                helped = helped || static_cast<int>(refined.matches.size()) >= required();
+                helped = helped || convinces(refined, static_cast<double>(tried));
                 insert(best, std::move(refined));
             }
-            convincing += helped || (!best.empty() && enough(best.front())) ? 1 : 0;
+            convincing += helped || (!best.empty() && convinces(best.front(), static_cast<double>(tried))) ? 1 : 0;
             // Nearly all beads explained, and looked at from one more triple for look-alikes.
             if (convincing >= 2 && !best.empty() && enough(best.front()) &&
                 static_cast<double>(best.front().matches.size()) >= 0.8 * static_cast<double>(expected())) {
@@ -121,6 +121,11 @@ class Estimate {
 
     bool enough(const Refined& refined) const {
         return static_cast<int>(refined.matches.size()) >= required() && refined.rms_px <= options_.most_rms_px;
+    }
+
+    // Enough to end the search: what might be chance must not keep it from finding what is not.
+    bool convinces(const Refined& refined, double hypotheses) const {
+        return enough(refined) && chance(refined, hypotheses) <= options_.most_chance;
     }
 
     // How many poses among so many would explain as many beads as well by chance: three shadows make the pose, each of
@@ -328,8 +333,11 @@ Result<BeadPose> estimateBeadPose(const std::vector<BeadDetection>& detections, 
     std::atomic<long long> tried{0};
     SubProgress first_pass(progress, 0, 0.5), second_pass(progress, 0.5, 1);
     std::vector<Refined> best = estimate.search(options.sizes_are_a_hint, tried, first_pass);
-    if (options.sizes_are_a_hint && (best.empty() || !estimate.enough(best.front())) && !progress.isCancelled())
-        best = estimate.search(false, tried, second_pass);
+    const bool settled = !best.empty() && estimate.convinces(best.front(), static_cast<double>(tried));
+    if (options.sizes_are_a_hint && !settled && !progress.isCancelled()) {
+        std::vector<Refined> again = estimate.search(false, tried, second_pass);
+        if (best.empty() || (!again.empty() && again.front().score > best.front().score)) best = std::move(again);
+    }
     if (progress.isCancelled()) return cancelled("estimateBeadPose");
     if (best.empty() || !estimate.enough(best.front())) {
         const std::size_t explained = best.empty() ? 0 : best.front().matches.size();

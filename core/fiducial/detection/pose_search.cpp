@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "core/base/parallel.h"
 #include "core/fiducial/detection/three_points.h"
@@ -187,22 +188,32 @@ std::vector<PoseHypothesis> PoseSearch::posesFor(const std::array<std::size_t, 3
 
 std::vector<std::array<std::size_t, 3>> wideTriples(const std::vector<Shadow>& shadows, std::size_t count,
                                                     Random& random) {
-    std::vector<std::array<std::size_t, 3>> sample;
-    std::vector<double> areas;
+    struct Triple {
+        std::array<std::size_t, 3> shadows;
+        double area;
+    };
+    std::vector<Triple> sample;
+    std::set<std::array<std::size_t, 3>> known;
     const std::size_t all = shadows.size();
     if (all < 3) return {};
     for (std::size_t i = 0; i < 20 * count; ++i) {
-        const std::array<std::size_t, 3> one{random.below(all), random.below(all), random.below(all)};
-        if (one[0] == one[1] || one[1] == one[2] || one[2] == one[0]) continue;
-        sample.push_back(one);
-        areas.push_back(triangleArea(shadows[one[0]], shadows[one[1]], shadows[one[2]]));
+        std::array<std::size_t, 3> one{random.below(all), random.below(all), random.below(all)};
+        std::sort(one.begin(), one.end());
+        if (one[0] == one[1] || one[1] == one[2] || !known.insert(one).second) continue;
+        sample.push_back({one, triangleArea(shadows[one[0]], shadows[one[1]], shadows[one[2]])});
     }
-    if (areas.empty()) return {};
-    const double largest = *std::max_element(areas.begin(), areas.end());
+    if (sample.empty()) return {};
+    const double largest = std::max_element(sample.begin(), sample.end(), [](const Triple& a, const Triple& b) {
+                               return a.area < b.area;
+                           })->area;
+    // The wide ones in the order drawn; then the others, widest first: where false shadows lie outside of a slender
+    // layout, none of the wide ones may be of beads alone.
+    std::stable_sort(sample.begin(), sample.end(), [&](const Triple& a, const Triple& b) {
+        return std::min(a.area, 0.3 * largest) > std::min(b.area, 0.3 * largest);
+    });
     std::vector<std::array<std::size_t, 3>> wide;
-    for (std::size_t i = 0; i < sample.size() && wide.size() < count; ++i) {
-        if (areas[i] >= 0.3 * largest) wide.push_back(sample[i]);
-    }
+    for (std::size_t i = 0; i < sample.size() && wide.size() < count; ++i)
+        wide.push_back(sample[i].shadows);
     return wide;
 }
 

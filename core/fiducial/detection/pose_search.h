@@ -65,7 +65,7 @@ class PoseSearch {
     std::vector<std::size_t> order_;  // of beads: each as far as can be from those before it
 };
 
-// Triples of shadows that span much of the image, in random order.
+// Triples of shadows, none twice: those that span much of the image, in random order, then the narrower ones.
 std::vector<std::array<std::size_t, 3>> wideTriples(const std::vector<Shadow>& shadows, std::size_t count,
                                                     Random& random);
 
