@@ -116,11 +116,15 @@ Vector2 anyPixel(const CArm& carm, double share, Random& random) {
 Result<void> CorkscrewSceneOptions::validate() const {
     if (const Result<void> good = layout.validate(); !good) return good;
     if (const Result<void> good = imager.validate(); !good) return good;
+    if (carm) {
+        if (const Result<void> good = carm->validate(); !good) return good;
+    }
+    const double focal_length_mm = carm ? carm->focal_length_mm : imager.focal_length_mm;
     return requireRanges({{"imagers", static_cast<double>(imagers), 1, 1000, ""},
                           {"most_roll_rad", most_roll_rad, 0, 1.5, "rad"},
                           {"most_pitch_rad", most_pitch_rad, 0, std::numbers::pi, "rad"},
-                          {"least_depth_mm", least_depth_mm, 50, imager.focal_length_mm, "mm"},
-                          {"most_depth_mm", most_depth_mm, least_depth_mm, imager.focal_length_mm, "mm"},
+                          {"least_depth_mm", least_depth_mm, 50, focal_length_mm, "mm"},
+                          {"most_depth_mm", most_depth_mm, least_depth_mm, focal_length_mm, "mm"},
                           {"least_visible", least_visible, 0, 1, ""},
                           {"most_covered", most_covered, 0, 1, ""},
                           {"photons", photons, 1, 1e7, ""},
@@ -175,7 +179,8 @@ struct CorkscrewScenes::Shared {
         bool inverted = false;
         std::string objects;
     };
-    Result<Setting> draw(std::uint64_t index) const;
+    // About this pose (in the true imager's frame), or about one that is drawn.
+    Result<Setting> draw(std::uint64_t index, const std::optional<Rigid3>& imager_from_corkscrew = {}) const;
     void drawClutter(Setting& setting, Random random) const;
     Result<Rigid3> drawPose(const SimulatedImager& imager, Random random) const;
     Result<CorkscrewScene> picture(std::uint64_t index, const Setting& setting, const Rigid3& imager_from_corkscrew,
@@ -184,7 +189,25 @@ struct CorkscrewScenes::Shared {
     double covered(const Setting& setting, const Rigid3& imager_from_corkscrew, const Image& steel_mm) const;
     void addCorkscrew(Image& line_integrals, const CArm& carm, const Rigid3& imager_from_corkscrew) const;
     CorkscrewLayout measuredLayout(std::uint64_t index) const;
+
+    std::size_t imagerOf(std::uint64_t index) const { return static_cast<std::size_t>(index % imagers.size()); }
+    // A pose from outside, in the true imager's frame.
+    Result<Rigid3> checked(std::size_t imager, const Rigid3& known_imager_from_corkscrew) const;
 };
+
+Result<Rigid3> CorkscrewScenes::Shared::checked(std::size_t imager, const Rigid3& known_imager_from_corkscrew) const {
+    const Rigid3 pose = imagers[imager].known_from_true.inverse() * known_imager_from_corkscrew;
+    const double middle = pose.translation().z(), focal_length_mm = imagers[imager].truth.focal_length_mm;
+    double reach_mm = 0;
+    for (const double x : {options.layout.rod_x_mm[0], options.layout.rod_x_mm[1], options.layout.shaft_x_mm[0],
+                           options.layout.shaft_x_mm[1]}) {
+        reach_mm = std::max(reach_mm, std::hypot(x, options.layout.rod_radius_mm));
+    }
+    if (middle - reach_mm > 0 && middle + reach_mm < focal_length_mm) return pose;
+    return invalidOption(
+        "pose", fmt::format("a corkscrew of {:.0f} mm, {:.4g} mm in front of the source", 2 * reach_mm, middle),
+        fmt::format("all of it between source and detector (0 to {:g} mm)", focal_length_mm));
+}
 
 // In the true imager's frame.
 Result<Rigid3> CorkscrewScenes::Shared::drawPose(const SimulatedImager& imager, Random random) const {
@@ -207,11 +230,14 @@ Result<Rigid3> CorkscrewScenes::Shared::drawPose(const SimulatedImager& imager, 
         "poses that fit into the field", "allow a smaller least_visible or a greater depth");
 }
 
-Result<CorkscrewScenes::Shared::Setting> CorkscrewScenes::Shared::draw(std::uint64_t index) const {
+Result<CorkscrewScenes::Shared::Setting> CorkscrewScenes::Shared::draw(
+    std::uint64_t index, const std::optional<Rigid3>& imager_from_corkscrew) const {
     Setting setting;
-    setting.imager = static_cast<std::size_t>(index % imagers.size());
+    setting.imager = imagerOf(index);
     const SimulatedImager& imager = imagers[setting.imager];
-    Result<Rigid3> pose = drawPose(imager, streamOf(options.seed, Stream::pose).fork(index));
+    const Result<Rigid3> pose = imager_from_corkscrew
+                                    ? *imager_from_corkscrew
+                                    : drawPose(imager, streamOf(options.seed, Stream::pose).fork(index));
     if (!pose) return pose.error();
     setting.imager_from_corkscrew = *pose;
 
@@ -413,8 +439,9 @@ Result<CorkscrewScenes> CorkscrewScenes::prepare(const CorkscrewSceneOptions& op
     auto shared = std::make_unique<Shared>();
     shared->options = options;
     const SimulatedImagerOptions& how = options.imager;
+    if (options.carm) shared->imagers.push_back({*options.carm, *options.carm, {}});
     const bool differ = how.bent || how.focal_length_error > 0 || how.principal_point_error_mm > 0;
-    const int count = differ ? options.imagers : 1;
+    const int count = options.carm ? 0 : differ ? options.imagers : 1;
     for (int i = 0; i < count; ++i) {
         if (progress.isCancelled()) return cancelled("corkscrew scenes");
         progress.report(0.9 * i / count, "calibrating imagers");
@@ -461,12 +488,21 @@ Result<CorkscrewScene> CorkscrewScenes::scene(std::uint64_t index) const {
     return shared_->picture(index, *setting, setting->imager_from_corkscrew, 0);
 }
 
+Result<CorkscrewScene> CorkscrewScenes::sceneAt(std::uint64_t index, const Rigid3& imager_from_corkscrew) const {
+    const Result<Rigid3> pose = shared_->checked(shared_->imagerOf(index), imager_from_corkscrew);
+    if (!pose) return pose.error();
+    const Result<Shared::Setting> setting = shared_->draw(index, *pose);
+    if (!setting) return setting.error();
+    return shared_->picture(index, *setting, *pose, 0);
+}
+
 Result<CorkscrewScene> CorkscrewScenes::sceneWith(std::uint64_t index, const Rigid3& imager_from_corkscrew,
                                                   std::uint64_t exposure) const {
+    const Result<Rigid3> pose = shared_->checked(shared_->imagerOf(index), imager_from_corkscrew);
+    if (!pose) return pose.error();
     const Result<Shared::Setting> setting = shared_->draw(index);
     if (!setting) return setting.error();
-    const Rigid3 known_from_true = shared_->imagers[setting->imager].known_from_true;
-    return shared_->picture(index, *setting, known_from_true.inverse() * imager_from_corkscrew, exposure);
+    return shared_->picture(index, *setting, *pose, exposure);
 }
 
 CorkscrewScenes::CorkscrewScenes(std::unique_ptr<const Shared> shared) : shared_(std::move(shared)) {}

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "core/base/progress.h"
@@ -42,6 +43,7 @@ struct CorkscrewSceneOptions {
     CorkscrewLayout layout;  // the true one
     std::uint64_t seed = 1;
 
+    std::optional<CArm> carm;  // this one, known exactly; otherwise:
     SimulatedImagerOptions imager;
     int imagers = 12;  // of them, when each differs from the others
 
@@ -83,9 +85,12 @@ class CorkscrewScenes {
     // Makes what scenes share: the hip's CT (some seconds, when asked for), bent imagers and their maps (0.5 s each).
     static Result<CorkscrewScenes> prepare(const CorkscrewSceneOptions& options, Progress& progress = Progress::none());
 
-    // noSolution when no pose within the options lies in the picture.
+    // noSolution when no pose within the options lies in the picture. Poses given: invalidOption when some of the
+    // corkscrew does not lie between source and detector.
     Result<CorkscrewScene> scene(std::uint64_t index) const;
 
+    // The same imager with the corkscrew here, clutter drawn about it.
+    Result<CorkscrewScene> sceneAt(std::uint64_t index, const Rigid3& imager_from_corkscrew) const;
     // The same imager, dose and clutter with the corkscrew here (in the known imager's frame), in the picture or not;
     // other noise for another `exposure`. The spindle goes with the corkscrew, all else stays.
     Result<CorkscrewScene> sceneWith(std::uint64_t index, const Rigid3& imager_from_corkscrew,

@@ -10,6 +10,7 @@
 #include "core/distortion/distortion_map_set.h"
 #include "core/distortion/grooved_plate.h"
 #include "core/fiducial/bead_layout.h"
+#include "core/fiducial/corkscrew_layout.h"
 #include "core/io/json_file.h"
 #include "core/io/pose_file.h"
 
@@ -103,6 +104,36 @@ Report reportOf(const BeadLayout& layout) {
     return report;
 }
 
+Report reportOf(const CorkscrewLayout& layout) {
+    Eigen::VectorXd places(static_cast<Eigen::Index>(layout.rings.size()));
+    for (Eigen::Index i = 0; i < places.size(); ++i)
+        places[i] = layout.rings[static_cast<std::size_t>(i)].x_mm;
+    const CorkscrewHelix& helix = layout.helix;
+    const bool right = helix.handedness == Handedness::right;
+    Report report;
+    report.json = {{"kind", "corkscrew"},
+                   {"format", "JSON"},
+                   {"rod_radius_mm", layout.rod_radius_mm},
+                   {"rod_x_mm", layout.rod_x_mm},
+                   {"shaft_radius_mm", layout.shaft_radius_mm},
+                   {"shaft_x_mm", layout.shaft_x_mm},
+                   {"rings_x_mm", arrayOf(places)},
+                   {"helix_x_mm", {helix.x_start_mm, helix.x_end_mm}},
+                   {"helix_turns", helix.turns},
+                   {"helix_handedness", right ? "right" : "left"},
+                   {"beads", layout.beads.size()}};
+    report.line("corkscrew", fmt::format("rod of {:.5g} mm, {} mm long, {}", 2 * layout.rod_radius_mm,
+                                         layout.rod_x_mm[1] - layout.rod_x_mm[0], name(layout.rod)));
+    report.line("shaft", fmt::format("{:.4g} mm thick, from {} to {} mm, {}", 2 * layout.shaft_radius_mm,
+                                     layout.shaft_x_mm[0], layout.shaft_x_mm[1], name(layout.shaft)));
+    report.line("rings", "at " + listText(places, "{:.5g}") + " mm");
+    report.line("helix", fmt::format("{:.4g} turns from {} to {} mm, {}-handed, radius {:.4g} mm", helix.turns,
+                                     helix.x_start_mm, helix.x_end_mm, right ? "right" : "left", helix.radius_mm));
+    report.line("wire", fmt::format("{:.3g} mm thick, {}", 2 * helix.wire_radius_mm, name(layout.wire)));
+    report.line("beads", std::to_string(layout.beads.size()));
+    return report;
+}
+
 std::string positionText(const DistortionMapParts& parts) {
     if (!parts.position) return "not stated";
     return fmt::format("orbital {:.4g}, angulation {:.4g} degrees", degreesFromRadians(parts.position->orbital_rad),
@@ -167,6 +198,7 @@ const std::map<std::string, Reader>& readers() {
         {"fluorocut/pose/1", [](const auto& file) { return reportOrError(readPose(file)); }},
         {"fluorocut/carm/1", [](const auto& file) { return reportOrError(readImager(file)); }},
         {"fluorocut/plate/1", [](const auto& file) { return reportOrError(readGroovedPlate(file)); }},
+        {"fluorocut/corkscrew/1", [](const auto& file) { return reportOrError(readCorkscrew(file)); }},
         {"fluorocut/beads/1", [](const auto& file) { return reportOrError(readBeadLayout(file)); }},
         {"fluorocut/distortion/1", [](const auto& file) { return reportOrError(readDistortionMap(file)); }},
         {"fluorocut/distortion-set/1", [](const auto& file) { return reportOrError(readDistortionMapSet(file)); }},

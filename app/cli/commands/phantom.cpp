@@ -166,13 +166,13 @@ Command declarePhantom(CLI::App& parent) {
         parent.add_subcommand("phantom", "Generate a built-in patient as a CT, or a picture of a calibration object");
     app->fallthrough();
     const std::vector<Command> kinds{declareFemur(*app), declareAcrylic(*app), declarePhantomPlate(*app),
-                                     declarePhantomBeads(*app)};
+                                     declarePhantomBeads(*app), declarePhantomCorkscrew(*app)};
     app->footer("`fluorocut-cli phantom femur --help` tells its options.");
     return {app, [kinds](Progress& progress) -> Result<Report> {
                 for (const Command& kind : kinds) {
                     if (kind.app->parsed()) return kind.run(progress);
                 }
-                return invalidOption("phantom", "no kind", "femur, acrylic, plate or beads", "see --help");
+                return invalidOption("phantom", "no kind", "femur, acrylic, plate, beads or corkscrew", "see --help");
             }};
 }
 

@@ -7,5 +7,6 @@ namespace fluorocut::cli {
 
 Command declarePhantomPlate(CLI::App& phantom);
 Command declarePhantomBeads(CLI::App& phantom);
+Command declarePhantomCorkscrew(CLI::App& phantom);
 
 }  // namespace fluorocut::cli

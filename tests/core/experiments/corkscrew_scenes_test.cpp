@@ -196,6 +196,24 @@ TEST(CorkscrewScenes, TheMovedCorkscrewKeepsImagerAndClutter) {
     EXPECT_NE(after->image, before.image);
 }
 
+TEST(CorkscrewScenes, TakesAGivenCArmAndPose) {
+    CorkscrewSceneOptions options = optionsOf("corkscrew");
+    options.carm = CArm();
+    options.carm->columns = 300;
+    options.carm->principal_point_px = {149.5, 255.5};
+    const Rigid3 pose = Rigid3::fromTranslation({0, 0, 700}) * Rigid3::fromTwistRollPitch(0.5, 0.2, 0.3);
+    const CorkscrewScenes scenes = prepared(options);
+    const auto scene = scenes.sceneAt(0, pose);
+    ASSERT_OK(scene);
+    EXPECT_EQ(scene->image.width(), 300);
+    EXPECT_LT((scene->imager_from_corkscrew.inverse() * pose).translation().norm(), 1e-9);
+    EXPECT_GT(scene->visible, 0.1);  // the middle; the rings lie outside
+    EXPECT_LT(scene->visible, 1);
+    EXPECT_THAT(scenes.sceneAt(0, Rigid3::fromTranslation({0, 0, -700})).error().message(),
+                testing::HasSubstr("between source and detector"));
+    EXPECT_FALSE(scenes.sceneWith(0, Rigid3::fromTranslation({0, 0, 990})).ok());
+}
+
 TEST(CorkscrewScenes, RefusesWhatDoesNotFit) {
     CorkscrewSceneOptions options = optionsOf("corkscrew");
     options.photons = -1;
