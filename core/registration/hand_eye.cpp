@@ -115,8 +115,7 @@ Result<HandEyeCalibration> calibrateHandEye(const std::vector<HandEyeObservation
     if (hand_eye::contradictory(fit)) return hand_eye::explainContradiction(observations, options, fit);
 
     HandEyeCalibration result;
-    const double inflation = fit.factor * fit.factor;
-    result.covariance = inflation * fit.network.covariance;
+    result.covariance = fit.network.covariance;
     result.flange_from_corkscrew = {Frame::flange, Frame::corkscrew, fit.network.poses[0],
                                     Matrix6(result.covariance.topLeftCorner<6, 6>())};
     const SharedLayout shared = problem.sharedLayout();

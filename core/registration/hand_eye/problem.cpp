@@ -171,9 +171,17 @@ Fit Problem::refine(const std::vector<Rigid3>& start, const std::vector<bool>& u
     if (!fit.found) return fit;
     const double squares = sumOfSquares(fit.network, used);
     const double factor = std::sqrt(squares / free);
-    fit.factor = !stated_                                                     ? std::max(factor, 1e-6)
-                 : chiSquareTail(squares, static_cast<int>(free)) < kUnlikely ? factor
-                                                                              : 1;
+    const bool unlikely = chiSquareTail(squares, static_cast<int>(free)) < kUnlikely;
+    fit.factor = stated_ ? (unlikely ? factor : 1) : std::max(factor, 1e-6);
+    if (options_.shared.size() > 0 && fit.factor != 1) {
+        // Images that are noisier than they say have less to say against what is known of the parameters, too.
+        PoseNetwork weaker = network(fit.network.poses, used);
+        for (PoseFactor& one : weaker.factors)
+            one.weight /= fit.factor * fit.factor;
+        fit.network = solvePoseNetwork(weaker, networkOptions());
+    } else {
+        fit.network.covariance *= fit.factor * fit.factor;
+    }
     fit.median = std::sqrt(median(fit.network.squared_distances));
     return fit;
 }

@@ -14,7 +14,9 @@
 namespace fluorocut::hand_eye {
 
 struct Fit {
-    PoseNetworkResult network;  // pose 0: flange_from_corkscrew, then the imagers
+    // Pose 0: flange_from_corkscrew, then the imagers. Covariance: with the noise that was found; distances: with the
+    // noise as stated or assumed.
+    PoseNetworkResult network;
     std::vector<bool> used;
     double factor = 1;                                        // noise over what is stated or assumed
     bool found = false;                                       // a start was
