@@ -40,6 +40,9 @@ struct SharedParameter {
     std::string name;   // unique: "focal length of C-arm 1"
     std::string group;  // its term in the budget: "focal length"
     double sigma = 0;   // of what is known beforehand, in the parameter's unit
+    // The imager's (focal length): its effect turns with the C-arm. Otherwise an object's (where a bead lies): it
+    // stays.
+    bool of_imager = true;
 };
 
 struct PoseMeasurement {
