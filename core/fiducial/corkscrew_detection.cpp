@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <span>
 
 #include <fmt/format.h>
 
@@ -25,9 +26,12 @@ constexpr double kWirePixels = 2.2;    // width of a wire on the working grid
 constexpr double kTypicalDepth = 0.7;  // of the focal length
 constexpr int kLines = 24;
 constexpr int kGuessesPerLine = 40;
-constexpr std::size_t kTwisted = 100;  // guesses whose twist is scanned
-constexpr std::size_t kPolished = 32;  // poses that are polished
-constexpr double kReachPx = 3;         // of the first polishing
+constexpr int kTwistsPerGuess = 3;
+constexpr std::size_t kFirstLines = 3;
+constexpr std::size_t kFirstGuesses = 48, kFirstStarts = 20;  // fitted to rings; to everything
+constexpr std::size_t kMostGuesses = 120, kMostStarts = 40;
+constexpr double kClearScore = 0.75;  // nothing but the corkscrew reaches it
+constexpr double kReachPx = 3;        // of the first polishing
 constexpr double kTwistedReachPx = 4;
 constexpr std::size_t kTwinned = 3;     // poses whose twins are tried
 constexpr double kLeastScore = 0.5;     // of a corkscrew; texture and clutter reach 0.45
@@ -91,32 +95,19 @@ class Search {
     Search(const CorkscrewLayout& layout, const CorkscrewDetectionOptions& options)
         : layout_(layout), options_(options), samples_(layout), middle_mm_(middleOf(layout)) {}
 
-    // Best first, distinct. Empty: no line, or nothing round it.
+    // Best first, distinct. Empty: no line, or nothing round it. First the lines that stand out most and the guesses
+    // that look best, which is nearly always enough; only then everything.
     std::vector<Found> run(const RidgeImage& ridges) const {
         const std::vector<ImageLine> lines = shaftLines(ridges.shaft_points, ridges.image.carm, kLines);
-        std::vector<std::vector<AxisGuess>> per_line(lines.size());
-        parallelFor(lines.size(), 1, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i) {
-                per_line[i] =
-                    ringPatterns(ridges.wires_dilated, ridges.image.carm, layout_, lines[i], options_, kGuessesPerLine);
-            }
-        });
-        std::vector<AxisGuess> guesses;
-        for (const std::vector<AxisGuess>& some : per_line)
-            guesses.insert(guesses.end(), some.begin(), some.end());
-        std::stable_sort(guesses.begin(), guesses.end(),
-                         [](const AxisGuess& a, const AxisGuess& b) { return a.score > b.score; });
-        if (guesses.size() > kTwisted) guesses.resize(kTwisted);
-        parallelFor(guesses.size(), 1, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i)
-                guesses[i] = alongRings(ridges, guesses[i].imager_from_corkscrew, kReachPx);
-        });
-
-        std::vector<Found> found = polishedTwists(ridges, guesses, 3, kPolished);
-        sortDistinct(found, kPolished);
+        const std::size_t first = std::min(lines.size(), kFirstLines);
+        std::vector<AxisGuess> guesses = guessesAlong(ridges, std::span(lines).first(first));
+        std::vector<Found> found = fitted(ridges, guesses, kFirstGuesses, kFirstStarts);
+        if (found.empty() || found.front().score.score < kClearScore) {
+            const std::vector<AxisGuess> more = guessesAlong(ridges, std::span(lines).subspan(first));
+            guesses.insert(guesses.end(), more.begin(), more.end());
+            found = fitted(ridges, guesses, kMostGuesses, kMostStarts);
+        }
         addTwins(ridges, found);
-        for (Found& one : found)
-            one = again(ridges, one);
         sortDistinct(found, static_cast<std::size_t>(options_.most_candidates));
         return found;
     }
@@ -127,9 +118,37 @@ class Search {
         double score;
     };
 
+    std::vector<AxisGuess> guessesAlong(const RidgeImage& ridges, std::span<const ImageLine> lines) const {
+        std::vector<std::vector<AxisGuess>> per_line(lines.size());
+        parallelFor(lines.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                per_line[i] =
+                    ringPatterns(ridges.wires_dilated, ridges.image.carm, layout_, lines[i], options_, kGuessesPerLine);
+            }
+        });
+        std::vector<AxisGuess> guesses;
+        for (const std::vector<AxisGuess>& some : per_line)
+            guesses.insert(guesses.end(), some.begin(), some.end());
+        return guesses;
+    }
+
+    // The best guesses, fitted to their rings, then turned, then fitted to all; best first, distinct.
+    std::vector<Found> fitted(const RidgeImage& ridges, std::vector<AxisGuess> guesses, std::size_t most_guesses,
+                              std::size_t most_starts) const {
+        std::stable_sort(guesses.begin(), guesses.end(),
+                         [](const AxisGuess& a, const AxisGuess& b) { return a.score > b.score; });
+        if (guesses.size() > most_guesses) guesses.resize(most_guesses);
+        parallelFor(guesses.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                guesses[i] = alongRings(ridges, guesses[i].imager_from_corkscrew, kReachPx);
+        });
+        std::vector<Found> found = polishedTwists(ridges, guesses, kTwistsPerGuess, most_starts);
+        sortDistinct(found, most_starts);
+        return found;
+    }
+
     AxisGuess alongRings(const RidgeImage& ridges, const Rigid3& pose, double reach_px) const {
-        const Rigid3 better_pose =
-            polished(ridges, samples_, climbed(ridges, samples_.rings(), pose, false), reach_px, Wires::rings);
+        const Rigid3 better_pose = polished(ridges, samples_, pose, reach_px, Wires::rings);
         return {better_pose, wireScore(ridges, samples_.rings(), better_pose).evidence};
     }
 
@@ -156,8 +175,7 @@ class Search {
         std::vector<Found> found(starts.size());
         parallelFor(starts.size(), 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
-                found[i].pose =
-                    polished(ridges, samples_, climbed(ridges, samples_.wires, starts[i].pose, true), kTwistedReachPx);
+                found[i].pose = polished(ridges, samples_, starts[i].pose, kTwistedReachPx);
                 found[i].score = wireScore(ridges, samples_.wires, found[i].pose);
             }
         });
@@ -165,23 +183,20 @@ class Search {
     }
 
     void addTwins(const RidgeImage& ridges, std::vector<Found>& found) const {
-        std::vector<AxisGuess> twins;
+        std::vector<Rigid3> twins;
         for (std::size_t i = 0; i < std::min(found.size(), kTwinned); ++i) {
             const Rigid3& pose = found[i].pose;
             const Rigid3 turned = reversed(pose, middle_mm_);
             for (const Rigid3& twin : {pose, otherRoll(pose, middle_mm_), turned, otherRoll(turned, middle_mm_)})
-                twins.push_back(alongRings(ridges, twin, kTwistedReachPx));
+                twins.push_back(twin);
         }
-        const std::vector<Found> more = polishedTwists(ridges, twins, 2, 2 * twins.size());
+        std::vector<AxisGuess> guesses(twins.size());
+        parallelFor(twins.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                guesses[i] = alongRings(ridges, twins[i], kTwistedReachPx);
+        });
+        const std::vector<Found> more = polishedTwists(ridges, guesses, 2, 2 * twins.size());
         found.insert(found.end(), more.begin(), more.end());
-        sortDistinct(found, kPolished);
-    }
-
-    Found again(const RidgeImage& ridges, const Found& one) const {
-        Found next;
-        next.pose = polished(ridges, samples_, one.pose, 2.5);
-        next.score = wireScore(ridges, samples_.wires, next.pose);
-        return better(next, one) ? next : one;
     }
 
     const CorkscrewLayout& layout_;

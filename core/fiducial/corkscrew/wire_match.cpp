@@ -181,65 +181,6 @@ std::vector<Twist> bestTwists(const RidgeImage& ridges, const WireSamples& sampl
     return twists;
 }
 
-Rigid3 climbed(const RidgeImage& ridges, std::span<const WireSample> samples, const Rigid3& pose, bool with_twist) {
-    const auto height = [&](const Rigid3& at) {
-        const Matrix3 turn = at.rotationMatrix();
-        double sum = 0;
-        for (const WireSample& sample : samples) {
-            Projected seen{};
-            if (!project(ridges.image.carm, turn * sample.point + at.translation(), turn * sample.tangent, seen))
-                continue;
-            const int direction = directionOf(seen.tx, seen.ty);
-            sum += nearest(ridges.wires_dilated, seen.x, seen.y, direction) +
-                   nearest(ridges.wires, seen.x, seen.y, direction) - 2 * kChance;
-        }
-        return sum;
-    };
-    // In the frame of axis (x), sideways (y) and away from the source (z).
-    const auto moved = [&](const Rigid3& from, const Vector6& step) {
-        const Vector3 axis = from.rotate(Vector3::UnitX()), ray = from.translation().normalized();
-        const Vector3 side = ray.cross(axis).normalized(), along = side.cross(ray);
-        Vector6 delta;
-        delta << step(0) * along + step(1) * side + step(2) * ray, step(3) * axis + step(4) * side + step(5) * ray;
-        return from.perturbed(delta);
-    };
-    const double depth = pose.translation().z();
-    Vector6 size;
-    size << 1.2, 0.6, 0.02 * depth, with_twist ? 0.06 : 0.0, 0.06, 0.012;
-    Rigid3 best = pose;
-    double top = height(best);
-    constexpr int kMostRounds = 9;
-    for (int round = 0, halvings = 0; round < kMostRounds && halvings < 3; ++round) {
-        Rigid3 next = best;
-        double next_top = top;
-        const auto attempt = [&](const Vector6& step) {
-            const Rigid3 there = moved(best, step);
-            if (!(there.translation().z() > 1)) return;
-            const double here = height(there);
-            if (here > next_top) {
-                next_top = here;
-                next = there;
-            }
-        };
-        for (int axis = 0; axis < 6; ++axis) {
-            if (size(axis) == 0) continue;
-            for (const double sign : {-1.0, 1.0})
-                attempt(sign * size(axis) * Vector6::Unit(axis));
-        }
-        for (const double a : {-1.0, 1.0})  // depth and roll trade
-            for (const double b : {-1.0, 1.0})
-                attempt(a * size(2) * Vector6::Unit(2) + b * size(4) * Vector6::Unit(4));
-        if (next_top > top) {
-            best = next;
-            top = next_top;
-        } else {
-            size *= 0.5;
-            ++halvings;
-        }
-    }
-    return best;
-}
-
 Rigid3 polished(const RidgeImage& ridges, const WireSamples& samples, Rigid3 pose, double reach_px, Wires wires) {
     std::vector<Observation> observations;
     std::vector<double> sizes;

@@ -56,11 +56,6 @@ struct Twist {
 // Local maxima of a scan, best first, at most `most`.
 std::vector<Twist> bestTwists(const RidgeImage& ridges, const WireSamples& samples, const Rigid3& pose, int most);
 
-// The pose at the top of the hill of ridges under the samples: a pattern search over depth, roll, pitch, place (and
-// twist, unless the samples are those of the rings). It sees further than least squares, which mistakes a ring for the
-// one beside it.
-Rigid3 climbed(const RidgeImage& ridges, std::span<const WireSample> samples, const Rigid3& pose, bool with_twist);
-
 // Least squares of the distances to the nearest ridges that run the right way; the reach shrinks from `reach_px`.
 // Without the helix the twist stays.
 enum class Wires { all, rings };
