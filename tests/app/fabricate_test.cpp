@@ -1,4 +1,5 @@
 // fabricate with the real program: what lands in the folder reads back as what was asked for.
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -7,6 +8,7 @@
 
 #include "core/distortion/grooved_plate.h"
 #include "core/fiducial/bead_layout.h"
+#include "core/fiducial/corkscrew_layout.h"
 #include "core/io/mesh_file.h"
 #include "tests/app/cli.h"
 #include "tests/support/fixtures.h"
@@ -53,6 +55,24 @@ TEST_F(Fabricate, ThePapersPlate) {
     EXPECT_NEAR(json["volume_mm3"].get<double>(), expected, 1e-9 * expected);
     EXPECT_THAT(text("out/plate.svg"), HasSubstr("4.7625 [3/16&quot;]"));
     EXPECT_TRUE(text("out/plate.dxf").ends_with("EOF\n"));
+}
+
+TEST_F(Fabricate, TheCorkscrew) {
+    const test::Finished finished = cli({"fabricate", "corkscrew", "-o", path("out"), "--json"});
+    ASSERT_EQ(finished.exit_code, 0) << finished.err;
+    const nlohmann::json json = onlyJson(finished);
+    EXPECT_EQ(json["files"].size(), 6u);
+    EXPECT_EQ(files(scratch_ / "out"), 6u);
+    // Four rings and a helix of 1.25 turns over 74 mm, all of radius 14.
+    EXPECT_NEAR(json["wire_mm"].get<double>(), 4 * 87.9646 + std::hypot(74, 1.25 * 87.9646), 1e-3);
+    const auto layout = readCorkscrew(scratch_ / "out" / "corkscrew.json");
+    ASSERT_OK(layout);
+    EXPECT_EQ(layout->rings.size(), 4u);
+    const auto rod = readMesh(scratch_ / "out" / "rod.stl");
+    ASSERT_OK(rod);
+    EXPECT_TRUE(rod->info.properties.closedManifold());
+    EXPECT_NEAR(rod->info.properties.volume_mm3, json["volume_mm3"].get<double>(), 1e-4 * 73500);
+    EXPECT_TRUE(text("out/template.dxf").ends_with("EOF\n"));
 }
 
 TEST_F(Fabricate, ABeadPhantom) {

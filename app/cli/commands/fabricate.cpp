@@ -1,5 +1,6 @@
 // fabricate: what a workshop needs to make a calibration object: solids, drawings, and the file that describes it.
 #include <memory>
+#include <numbers>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -7,6 +8,7 @@
 #include "app/cli/commands/list.h"
 #include "core/distortion/plate_solid.h"
 #include "core/fabrication/bead_sheets.h"
+#include "core/fabrication/corkscrew_rod.h"
 #include "core/fabrication/plate_drawing.h"
 #include "core/geometry/mesh_properties.h"
 #include "core/io/atomic_file.h"
@@ -95,6 +97,35 @@ Result<Report> runPhantom(const Options& options, Progress& progress) {
     return report;
 }
 
+Result<Report> runCorkscrew(const Options& options, Progress& progress) {
+    const Result<fs::path> file = findResource("fiducials", options.description);
+    if (!file) return file.error();
+    const Result<CorkscrewLayout> layout = readCorkscrew(*file);
+    if (!layout) return layout.error();
+    const Result<TriangleMesh> rod = corkscrewRod(*layout);
+    if (!rod) return rod.error();
+    const Result<Drawing> drawing = drawCorkscrew(*layout), paper = drawCorkscrewTemplate(*layout);
+    if (!drawing) return drawing.error();
+    if (!paper) return paper.error();
+    if (progress.isCancelled()) return cancelled("fabricate");
+    const Result<void> written = writeWholeFolder(options.output, [&](const fs::path& folder) -> Result<void> {
+        if (auto ok = writeCorkscrew(folder / "corkscrew.json", *layout); !ok) return ok;
+        if (auto ok = writeMesh(folder / "rod.stl", *rod); !ok) return ok;
+        if (auto ok = writeDrawing(folder, "corkscrew", *drawing); !ok) return ok;
+        return writeDrawing(folder, "template", *paper);
+    });
+    if (!written) return written.error();
+    double wire_mm = layout->helix.length_mm();
+    for (const CorkscrewRing& ring : layout->rings)
+        wire_mm += 2 * std::numbers::pi * ring.radius_mm;
+    Report report = reportOf(
+        options.output, {"corkscrew.json", "rod.stl", "corkscrew.svg", "corkscrew.dxf", "template.svg", "template.dxf"},
+        meshProperties(*rod).volume_mm3);
+    report.json["wire_mm"] = wire_mm;
+    report.line("wire", fmt::format("{:.0f} mm, {:.3g} mm thick", wire_mm, 2 * layout->helix.wire_radius_mm));
+    return report;
+}
+
 Command declareKind(CLI::App& parent, const char* name, const char* what, const char* option, const char* schema,
                     const char* otherwise, Result<Report> (*run)(const Options&, Progress&)) {
     const auto options = std::make_shared<Options>();
@@ -120,13 +151,15 @@ Command declareFabricate(CLI::App& parent) {
     const std::vector<Command> kinds{
         declareKind(*app, "plate", "The grooved plate", "--plate", "Plate, fluorocut/plate/1", "paper", runPlate),
         declareKind(*app, "phantom", "A phantom of beads in parallel sheets", "--layout", "Beads, fluorocut/beads/1",
-                    "", runPhantom)};
+                    "", runPhantom),
+        declareKind(*app, "corkscrew", "The corkscrew: its grooved rod, drawings and a paper template", "--corkscrew",
+                    "Corkscrew, fluorocut/corkscrew/1", "corkscrew", runCorkscrew)};
     app->footer("Example: fluorocut-cli fabricate plate --plate paper -o workshop");
     return {app, [kinds](Progress& progress) -> Result<Report> {
                 for (const Command& kind : kinds) {
                     if (kind.app->parsed()) return kind.run(progress);
                 }
-                return invalidOption("fabricate", "no kind", "plate or phantom", "see --help");
+                return invalidOption("fabricate", "no kind", "plate, phantom or corkscrew", "see --help");
             }};
 }
 
