@@ -42,9 +42,9 @@ struct CalibrationUncertainty {
 };
 
 struct CorkscrewPoseLimits {
-    double most_rotation_rad = 0.0035;  // standard deviation about the worst axis: 0.2 degrees
-    double most_in_plane_mm = 0.2;
-    double most_depth_mm = 1;
+    double most_rotation_rad = 0.0052;  // standard deviation about the worst axis: 0.3 degrees
+    double most_in_plane_mm = 0.5;
+    double most_depth_mm = 1.5;
     double least_score = 0.7;
     double most_rms_px = 0.5;
 

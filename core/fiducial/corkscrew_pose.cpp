@@ -1,0 +1,457 @@
+#include "core/fiducial/corkscrew_pose.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "core/base/option_checks.h"
+#include "core/base/parallel.h"
+#include "core/base/units.h"
+#include "core/fiducial/corkscrew/twins.h"
+
+namespace fluorocut {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr const char* kStep = "corkscrew pose";
+
+// Fits to one image whose log likelihoods differ by less are equal: odds of 10^10, with room for what the noise's
+// model does not know.
+constexpr double kEqualLikelihood = 25;
+constexpr double kSameRad = 0.05;       // two fits this near are one: 3 degrees,
+constexpr double kSameDepth = 0.02;     // and this part of the depth
+constexpr double kHopelessScore = 0.3;  // shape fits that far below the best are not looked at again
+constexpr std::size_t kImageFits = 3;   // of the best shape fits
+constexpr std::size_t kTwinFits = 3;
+constexpr double kTwinOverlap = 0.55;
+constexpr double kTrackedScore = 0.75;  // below it the previous pose was no start
+constexpr double kFocalSigmas = 6;      // and kFocalShare: the image contradicts the focal length
+constexpr double kFocalShare = 0.05;
+
+bool same(const Rigid3& a, const Rigid3& b) {
+    const double depth = std::abs(b.translation().z());
+    return (a * b.inverse()).rotationAngle() < kSameRad &&
+           (a.translation() - b.translation()).norm() < kSameDepth * depth;
+}
+
+// What a detector of so many bits shows at most, where the image's largest level lies below it.
+double fullScale(double largest) {
+    for (const double levels : {1.0, 255.0, 1023.0, 4095.0, 16383.0, 65535.0})
+        if (largest <= levels) return levels;
+    return 1.05 * largest;
+}
+
+// Metal dark. An inverted picture is turned about its full scale: what offset it once had nobody knows, the fits' free
+// gains take most of it.
+Image metalDark(const Image& image) {
+    const double top = fullScale(*std::max_element(image.pixels().begin(), image.pixels().end()));
+    Image turned = image;
+    for (float& pixel : turned.pixels())
+        pixel = static_cast<float>(top - pixel);
+    return turned;
+}
+
+struct Explanation {
+    CorkscrewFit fit;
+    bool by_image = false;
+    std::string kind;  // how it differs from the answer, when it was made as a twin of it
+};
+
+std::string degreesText(double rad) {
+    return fmt::format("{:.1f} degrees", degreesFromRadians(rad));
+}
+
+class Estimate {
+  public:
+    Estimate(const Image& image, const CArm& carm, const CorkscrewLayout& layout, const CorkscrewPoseOptions& options)
+        : given_(image), image_(&given_), carm_(carm), layout_(layout), options_(options) {}
+
+    Result<CorkscrewPose> run(Progress& progress) {
+        const auto start = std::chrono::steady_clock::now();
+        CorkscrewPose pose;
+        const bool tracked = options_.initial && track();
+        if (!tracked) {
+            if (const Result<void> found = search(progress); !found) return found.error();
+        }
+        if (progress.isCancelled()) return cancelled(kStep);
+        if (const Result<void> told = tellApart(); !told) return told.error();
+        if (!tracked) {
+            Result<CorkscrewFit> best =
+                refineOnImage(*image_, carm_, layout_, explanations_.front().fit.imager_from_corkscrew, withEvidence());
+            if (!best) return best.error();
+            explanations_.front().fit = std::move(*best);
+        }
+        if (const Result<void> fits = consistent(); !fits) return fits.error();
+        progress.report(1, "corkscrew found");
+        fill(pose);
+        pose.tracked = tracked;
+        pose.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+        return pose;
+    }
+
+  private:
+    // From the previous pose, without a search.
+    bool track() {
+        for (const bool bright : {false, true}) {
+            setPolarity(bright);
+            const Result<CorkscrewFit> shape = refineOnShape(*image_, carm_, layout_, *options_.initial);
+            if (!(shape && shape->score >= kTrackedScore)) continue;
+            Result<CorkscrewFit> fit =
+                refineOnImage(*image_, carm_, layout_, shape->imager_from_corkscrew, withEvidence());
+            if (!(fit && fit->converged && fit->score >= kTrackedScore)) continue;
+            explanations_ = {{std::move(*fit), true, {}}};
+            return true;
+        }
+        setPolarity(false);
+        return false;
+    }
+
+    Result<void> search(Progress& progress) {
+        SubProgress detecting(progress, 0, 0.6);
+        Result<CorkscrewDetection> detection = detectCorkscrew(given_, carm_, layout_, options_.detection, detecting);
+        if (!detection) return detection.error();
+        setPolarity(detection->metal_is_bright);
+        std::vector<Rigid3> starts;
+        for (const CorkscrewCandidate& candidate : detection->candidates)
+            starts.push_back(candidate.imager_from_corkscrew);
+        progress.report(0.6, "fitting the corkscrew's lines");
+        std::vector<Explanation> shapes = fitShapes(starts, {});
+        if (shapes.empty()) return nothing("lines that start like a corkscrew and end like none");
+        std::sort(shapes.begin(), shapes.end(),
+                  [](const Explanation& a, const Explanation& b) { return a.fit.score > b.fit.score; });
+        const double best = shapes.front().fit.score;
+        std::erase_if(shapes, [&](const Explanation& one) { return one.fit.score < best - kHopelessScore; });
+        progress.report(0.75, "fitting the image");
+        fitImages(shapes, kImageFits);
+        explanations_ = std::move(shapes);
+        sortByLikelihood();
+        return addTwins();
+    }
+
+    // What the answer may be mistaken for is fitted too, unless a fit has already been there.
+    Result<void> addTwins() {
+        const Rigid3 answer = explanations_.front().fit.imager_from_corkscrew;
+        std::vector<Rigid3> starts;
+        std::vector<std::string> kinds;
+        for (const corkscrew::Twin& twin : corkscrew::twins(carm_.ideal(), layout_, answer, kTwinOverlap)) {
+            const bool known = std::any_of(explanations_.begin(), explanations_.end(), [&](const Explanation& one) {
+                return (one.fit.imager_from_corkscrew * twin.imager_from_corkscrew.inverse()).rotationAngle() < 0.15;
+            });
+            if (known || starts.size() >= kTwinFits) continue;
+            starts.push_back(twin.imager_from_corkscrew);
+            kinds.push_back(twin.inWords());
+        }
+        std::vector<Explanation> shapes = fitShapes(starts, kinds);
+        const double best = explanations_.front().fit.score;
+        std::erase_if(shapes, [&](const Explanation& one) { return one.fit.score < best - kHopelessScore; });
+        fitImages(shapes, kTwinFits);
+        for (Explanation& one : shapes)
+            add(std::move(one));
+        sortByLikelihood();
+        return {};
+    }
+
+    std::vector<Explanation> fitShapes(const std::vector<Rigid3>& starts, const std::vector<std::string>& kinds) const {
+        std::vector<std::optional<CorkscrewFit>> fits(starts.size());
+        parallelFor(starts.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                Result<CorkscrewFit> fit = refineOnShape(*image_, carm_, layout_, starts[i]);
+                if (fit) fits[i] = std::move(*fit);
+            }
+        });
+        std::vector<Explanation> found;
+        for (std::size_t i = 0; i < starts.size(); ++i) {
+            if (!fits[i]) continue;
+            const auto again = std::find_if(found.begin(), found.end(), [&](const Explanation& one) {
+                return same(one.fit.imager_from_corkscrew, fits[i]->imager_from_corkscrew);
+            });
+            if (again == found.end())
+                found.push_back({std::move(*fits[i]), false, i < kinds.size() ? kinds[i] : std::string()});
+            else if (fits[i]->score > again->fit.score)
+                again->fit = std::move(*fits[i]);
+        }
+        return found;
+    }
+
+    // The first `count` of them, which are the best.
+    void fitImages(std::vector<Explanation>& shapes, std::size_t count) const {
+        parallelFor(std::min(count, shapes.size()), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                CorkscrewFitOptions quick;
+                quick.evidence = false;
+                Result<CorkscrewFit> fit =
+                    refineOnImage(*image_, carm_, layout_, shapes[i].fit.imager_from_corkscrew, quick);
+                if (!fit) continue;
+                shapes[i].fit = std::move(*fit);
+                shapes[i].by_image = true;
+            }
+        });
+    }
+
+    void add(Explanation one) {
+        const auto again = std::find_if(explanations_.begin(), explanations_.end(), [&](const Explanation& known) {
+            return same(known.fit.imager_from_corkscrew, one.fit.imager_from_corkscrew);
+        });
+        if (again == explanations_.end()) explanations_.push_back(std::move(one));
+    }
+
+    // Fits to the image first, the likeliest in front; then the others by score. Those that came to the same place are
+    // one.
+    void sortByLikelihood() {
+        std::sort(explanations_.begin(), explanations_.end(), [](const Explanation& a, const Explanation& b) {
+            if (a.by_image != b.by_image) return a.by_image;
+            if (a.by_image) return a.fit.log_likelihood > b.fit.log_likelihood;
+            return a.fit.score > b.fit.score;
+        });
+        std::vector<Explanation> distinct;
+        for (Explanation& one : explanations_) {
+            const bool again = std::any_of(distinct.begin(), distinct.end(), [&](const Explanation& known) {
+                return same(known.fit.imager_from_corkscrew, one.fit.imager_from_corkscrew);
+            });
+            if (!again) distinct.push_back(std::move(one));
+        }
+        explanations_ = std::move(distinct);
+    }
+
+    // The second best, and whether it is worse.
+    Result<void> tellApart() {
+        if (explanations_.empty() || !explanations_.front().by_image) return nothing("no fit to the image that ends");
+        if (explanations_.size() < 2) return {};
+        const CorkscrewFit& best = explanations_[0].fit;
+        const Explanation& other = explanations_[1];
+        CorkscrewAlternative alternative;
+        alternative.imager_from_corkscrew = other.fit.imager_from_corkscrew;
+        alternative.score = other.fit.score;
+        alternative.angle_rad =
+            (other.fit.imager_from_corkscrew * best.imager_from_corkscrew.inverse()).rotationAngle();
+        const std::string who =
+            other.kind.empty() ? fmt::format("{} away", degreesText(alternative.angle_rad)) : other.kind;
+        if (!other.by_image) {
+            alternative.log_likelihood_ratio = kNaN;
+            alternative.why_not =
+                fmt::format("{}: only {:.0f} % of the wires are seen where they should be, not {:.0f} %", who,
+                            100 * other.fit.score, 100 * best.score);
+            second_best_ = alternative;
+            return {};
+        }
+        alternative.log_likelihood_ratio = best.log_likelihood - other.fit.log_likelihood;
+        if (alternative.log_likelihood_ratio > kEqualLikelihood) {
+            alternative.why_not = fmt::format(
+                "{}: explains the image worse, by a log likelihood of {:.0f} (residual {:.2f}, "
+                "not {:.2f})",
+                who, alternative.log_likelihood_ratio, other.fit.residual, best.residual);
+            second_best_ = alternative;
+            return {};
+        }
+        if (options_.initial) {
+            // The previous pose decides, if it is near one of the two and far from the other.
+            const auto away = [&](const CorkscrewFit& fit) {
+                return (fit.imager_from_corkscrew * options_.initial->inverse()).rotationAngle();
+            };
+            const bool first = away(best) <= away(other.fit);
+            const double near = std::min(away(best), away(other.fit)), far = std::max(away(best), away(other.fit));
+            if (near < 0.5 && far > 2 * near && far > near + 0.5) {
+                if (!first) std::swap(explanations_[0], explanations_[1]);
+                alternative.imager_from_corkscrew = explanations_[1].fit.imager_from_corkscrew;
+                alternative.score = explanations_[1].fit.score;
+                alternative.log_likelihood_ratio *= first ? 1 : -1;
+                alternative.why_not =
+                    fmt::format("explains the image as well, but lies {} from the initial pose", degreesText(far));
+                second_best_ = alternative;
+                return {};
+            }
+        }
+        return noSolution(
+            kStep,
+            fmt::format("two poses that explain the image equally well (log likelihoods differ by {:.1f}), "
+                        "{} apart{}",
+                        alternative.log_likelihood_ratio, degreesText(alternative.angle_rad),
+                        other.kind.empty() ? "" : ": the other one is " + other.kind),
+            fmt::format("one that is better by {:.0f}", kEqualLikelihood),
+            symmetric() ? "this corkscrew looks the same from both sides: use an asymmetric one, or give "
+                          "the pose roughly as a start"
+                        : "turn the corkscrew or the C-arm by 10 degrees and take another image");
+    }
+
+    // Does the layout look the same after half a turn about an axis through its middle?
+    bool symmetric() const {
+        const auto& rings = layout_.rings;
+        const double sum = rings.front().x_mm + rings.back().x_mm;
+        const auto mirrored = [&](double low, double high) { return std::abs(low + high - sum) < 0.5; };
+        for (std::size_t i = 0; i < rings.size(); ++i)
+            if (!mirrored(rings[i].x_mm, rings[rings.size() - 1 - i].x_mm)) return false;
+        return layout_.beads.empty() && mirrored(layout_.helix.x_start_mm, layout_.helix.x_end_mm) &&
+               mirrored(layout_.shaft_x_mm[0], layout_.shaft_x_mm[1]);
+    }
+
+    // An answer that the layout or the imager's own numbers contradict is none.
+    Result<void> consistent() const {
+        const CorkscrewFit& best = explanations_.front().fit;
+        if (!(best.visible >= options_.detection.least_visible)) {
+            return noSolution(kStep,
+                              fmt::format("{:.0f} % of the corkscrew's wires inside the image", 100 * best.visible),
+                              fmt::format("at least {:.0f} %", 100 * options_.detection.least_visible),
+                              "move the corkscrew or the C-arm so that the rings lie in the field");
+        }
+        if (!(best.score >= kHopelessScore + 0.1)) {
+            return noSolution(kStep,
+                              fmt::format("{:.0f} % of the layout's wires where they should be", 100 * best.score),
+                              "most of them", "see that the layout file is that of the corkscrew in the picture");
+        }
+        const double depth = best.imager_from_corkscrew.translation().z();
+        if (!(depth < carm_.focal_length_mm)) {
+            return noSolution(kStep, fmt::format("the corkscrew {:.0f} mm from the source", depth),
+                              fmt::format("less than the detector's {:.0f} mm", carm_.focal_length_mm),
+                              "see that the pixel's size and the focal length are the imager's");
+        }
+        return perspective(best.evidence);
+    }
+
+    // The picture's own perspective gives a focal length (in pixels). It is a weak measurement, but a pixel size that
+    // is wrong by a factor shows.
+    Result<void> perspective(const PoseEvidence& evidence) const {
+        if (evidence.shared.size() == 0) return {};
+        const Vector6 with_pose = evidence.information.block<6, 1>(0, 6);
+        const Vector6 follows = evidence.information.topLeftCorner<6, 6>().ldlt().solve(with_pose);
+        const double information = evidence.information(6, 6) - with_pose.dot(follows);
+        const double pull = evidence.gradient(6) - follows.dot(evidence.gradient.head<6>());
+        const double wrong = -pull / information;
+        const double sigma = std::hypot(1 / std::sqrt(information), options_.calibration.focal_length);
+        if (!(information > 0) || std::abs(wrong) < kFocalShare || std::abs(wrong) < kFocalSigmas * sigma) return {};
+        const double focal_px = carm_.focal_length_mm / carm_.pixel_mm.x();
+        return noSolution(kStep,
+                          fmt::format("a perspective that asks for a focal length near {:.0f} pixels",
+                                      focal_px * (1 + std::clamp(wrong, -0.9, 9.0))),
+                          fmt::format("the C-arm's {:.0f} mm / {:.4g} mm = {:.0f} pixels", carm_.focal_length_mm,
+                                      carm_.pixel_mm.x(), focal_px),
+                          "see that pixel size, focal length and layout belong to this image");
+    }
+
+    void fill(CorkscrewPose& pose) const {
+        const CorkscrewFit& best = explanations_.front().fit;
+        pose.noise_covariance = best.evidence.covariance();
+        pose.imager_from_corkscrew = {Frame::imager, Frame::corkscrew, best.imager_from_corkscrew,
+                                      best.evidence.covarianceWith(calibrationCovariance(best.evidence)) +
+                                          std::pow(options_.calibration.distortion_mm, 2) * best.distortion_gain};
+        pose.evidence = best.evidence;
+        pose.score = best.score;
+        pose.rms_px = best.rms_px;
+        pose.visible = best.visible;
+        pose.metal_is_bright = bright_;
+        pose.second_best = second_best_;
+        if (best.visible < 0.95) {
+            pose.warnings.push_back(
+                fmt::format("Only {:.0f} % of the corkscrew's wires lie inside the image.", 100 * best.visible));
+        }
+        const Matrix6& covariance = *pose.imager_from_corkscrew.covariance;
+        const double rotation = std::sqrt(
+            Eigen::SelfAdjointEigenSolver<Matrix3>(covariance.bottomRightCorner<3, 3>()).eigenvalues().maxCoeff());
+        const CorkscrewPoseLimits& limits = options_.limits;
+        pose.acceptance = {
+            atMost("standard deviation of the rotation", degreesFromRadians(rotation),
+                   degreesFromRadians(limits.most_rotation_rad), "degrees"),
+            atMost("standard deviation in the image plane", std::sqrt(std::max(covariance(0, 0), covariance(1, 1))),
+                   limits.most_in_plane_mm, "mm"),
+            atMost("standard deviation of the depth", std::sqrt(covariance(2, 2)), limits.most_depth_mm, "mm"),
+            atLeast("share of the wires seen where they should be", best.score, limits.least_score, ""),
+            atMost("residual of the lines", best.rms_px, limits.most_rms_px, "px")};
+    }
+
+    Eigen::MatrixXd calibrationCovariance(const PoseEvidence& evidence) const {
+        const CalibrationUncertainty& known = options_.calibration;
+        const std::vector<std::string> names = corkscrewParameters(layout_);
+        Eigen::VectorXd sigma(evidence.shared.size());
+        for (Eigen::Index i = 0; i < sigma.size(); ++i) {
+            if (i == 0)
+                sigma[i] = known.focal_length;
+            else if (i <= 2)
+                sigma[i] = known.principal_point_mm / carm_.pixel_mm[i - 1];
+            else if (names[static_cast<std::size_t>(i)].ends_with("phase"))
+                sigma[i] = known.dimensions_mm / layout_.helix.radius_mm;
+            else
+                sigma[i] = known.dimensions_mm;
+        }
+        return sigma.cwiseAbs2().asDiagonal();
+    }
+
+    CorkscrewFitOptions withEvidence() const {
+        CorkscrewFitOptions fit;
+        fit.distortion_length_mm = options_.calibration.distortion_length_mm;
+        return fit;
+    }
+
+    Error nothing(std::string found) const {
+        return noSolution(
+            kStep, std::move(found), "a picture of the corkscrew that the layout describes",
+            "see that the layout file is that of the corkscrew in the picture, and that most of it is seen");
+    }
+
+    void setPolarity(bool bright) {
+        bright_ = bright;
+        if (bright && turned_.empty()) turned_ = metalDark(given_);
+        image_ = bright ? &turned_ : &given_;
+    }
+
+    const Image& given_;
+    Image turned_;
+    const Image* image_;
+    const CArm& carm_;
+    const CorkscrewLayout& layout_;
+    const CorkscrewPoseOptions& options_;
+    bool bright_ = false;
+    std::vector<Explanation> explanations_;  // the answer first
+    std::optional<CorkscrewAlternative> second_best_;
+};
+
+}  // namespace
+
+Result<void> CalibrationUncertainty::validate() const {
+    return requireRanges({{"calibration.focal_length", focal_length, 0, 1, ""},
+                          {"calibration.principal_point_mm", principal_point_mm, 0, 1000, "mm"},
+                          {"calibration.distortion_mm", distortion_mm, 0, 100, "mm"},
+                          {"calibration.distortion_length_mm", distortion_length_mm, 1, 1000, "mm"},
+                          {"calibration.dimensions_mm", dimensions_mm, 0, 10, "mm"}});
+}
+
+Result<void> CorkscrewPoseLimits::validate() const {
+    return requireRanges({{"limits.most_rotation_rad", most_rotation_rad, 0, 4, "rad"},
+                          {"limits.most_in_plane_mm", most_in_plane_mm, 0, 1e4, "mm"},
+                          {"limits.most_depth_mm", most_depth_mm, 0, 1e4, "mm"},
+                          {"limits.least_score", least_score, 0, 1, ""},
+                          {"limits.most_rms_px", most_rms_px, 0, 1e3, "px"}});
+}
+
+Result<void> CorkscrewPoseOptions::validate() const {
+    if (const Result<void> ok = detection.validate(); !ok) return ok;
+    if (const Result<void> ok = calibration.validate(); !ok) return ok;
+    return limits.validate();
+}
+
+CorkscrewPose::CorkscrewPose()
+    : imager_from_corkscrew{Frame::imager, Frame::corkscrew, {}, std::nullopt},
+      noise_covariance(Matrix6::Constant(kNaN)),
+      rms_px(kNaN),
+      elapsed_ms(kNaN) {}
+
+Result<CorkscrewPose> estimateCorkscrewPose(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
+                                            const CorkscrewPoseOptions& options, Progress& progress) {
+    if (const Result<void> ok = options.validate(); !ok) return ok.error();
+    if (const Result<void> ok = layout.validate(); !ok) return ok.error();
+    if (const Result<void> ok = carm.validate(); !ok) return ok.error();
+    if (image.width() != carm.columns || image.height() != carm.rows) {
+        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
+                            fmt::format("the C-arm's {} x {}", carm.columns, carm.rows),
+                            "give the C-arm file that belongs to this image");
+    }
+    for (const float pixel : image.pixels()) {
+        if (!std::isfinite(pixel)) return invalidInput("image", "a pixel that is not a number", "finite levels");
+    }
+    return Estimate(image, carm, layout, options).run(progress);
+}
+
+}  // namespace fluorocut
