@@ -301,7 +301,8 @@ Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm,
     if (!(best.front().score.visible >= options.least_visible)) {
         return noSolution(
             "corkscrew detection",
-            fmt::format("only {:.0f} % of the corkscrew's wires inside the image", 100 * best.front().score.visible),
+            fmt::format("only {:.0f} % of the corkscrew's wires inside the lit field and not behind opaque metal",
+                        100 * best.front().score.visible),
             fmt::format("at least {:.0f} %", 100 * options.least_visible),
             "move the C-arm or the corkscrew toward the middle of the image");
     }

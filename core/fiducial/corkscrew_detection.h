@@ -30,7 +30,7 @@ struct CorkscrewDetectionOptions {
     double least_depth = 0.4;
     double most_depth = 0.97;
     double steepest_rad = 1.15;  // of the shaft out of the image plane: 66 degrees
-    double least_visible = 0.5;  // of the wires' length, inside the image
+    double least_visible = 0.5;  // of the wires' length, inside the lit field and not behind opaque metal
     int most_candidates = 8;
 
     Result<void> validate() const;
@@ -39,7 +39,7 @@ struct CorkscrewDetectionOptions {
 struct CorkscrewCandidate {
     Rigid3 imager_from_corkscrew;
     double score = 0;    // 0 to 1: share of the wires' visible length that lies on dark ridges of the right direction
-    double visible = 0;  // share of the wires' length inside the image
+    double visible = 0;  // share of the wires' length inside the lit field and not behind opaque metal
 };
 
 struct CorkscrewDetection {

@@ -16,7 +16,6 @@ constexpr double kMapStepPx = 16;        // between the places where the distort
 constexpr double kMostGrowth = 1.4;      // of the ideal image over the distorted one
 constexpr int kMostWorkingPixels = 640;  // along a side
 constexpr double kDarkest = 0.01;        // of the median, added to every intensity: black has a logarithm too
-constexpr float kBlindSigma = 0.12F;     // noise of log intensity beyond which a wire does not show
 constexpr float kNoiseMultiple = 1.5F;   // of a working pixel's noise; a ridge's is 0.4 of it: 3.7 standard deviations
 constexpr float kContrast = 0.12F;       // above that, in log intensity, at which a line is certainly one
 constexpr std::size_t kRows = 16;
@@ -230,7 +229,7 @@ RidgeMap ridgesOfWidth(const WorkingImage& image, double width_px, std::vector<R
             const Hessian* row = hessians.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
             for (int x = 0; x < width; ++x) {
                 const float noise = image.sigma(x, y);
-                if (!(noise < kBlindSigma)) continue;  // stays at chance
+                if (!image.sees(x, y)) continue;  // stays at chance
                 Strengths& cell = map.at(x, y);
                 cell.fill(0);
                 const Hessian& h = row[x];

@@ -25,6 +25,8 @@ constexpr int kDirections = 8;        // over half a turn
 constexpr int kFull = 240;            // strength of a line that is certainly one
 constexpr std::uint8_t kChance = 60;  // where nothing can be seen: outside the field, behind thick metal
 
+constexpr float kBlindSigma = 0.12F;  // noise of log intensity beyond which a wire does not show
+
 // Eight strengths, direction k at angle k pi / 8 of the line's tangent.
 using Strengths = std::array<std::uint8_t, kDirections>;
 
@@ -78,6 +80,9 @@ struct WorkingImage {
     Image log;    // natural logarithm of intensity, metal dark; NaN outside the field
     Image sigma;  // standard deviation of `log`'s noise
     int binning = 1;
+
+    // Where a wire would show: inside the field, and not black.
+    bool sees(int x, int y) const { return sigma(x, y) < kBlindSigma; }
 };
 
 // Reduced to pixels near `pixel_mm`, undistorted, metal dark. noSolution: nothing but one grey value.

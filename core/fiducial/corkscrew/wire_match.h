@@ -34,16 +34,16 @@ struct RidgeImage {
     RidgeMap shafts;
     std::vector<RidgePoint> shaft_points;
 
-    bool sees(double x, double y) const {  // inside the detector's image
-        return wires.contains(x, y) && std::isfinite(image.sigma(static_cast<int>(x + 0.5), static_cast<int>(y + 0.5)));
+    bool sees(double x, double y) const {
+        return wires.contains(x, y) && image.sees(static_cast<int>(x + 0.5), static_cast<int>(y + 0.5));
     }
 };
 
 RidgeImage ridgeImage(WorkingImage image, const CorkscrewLayout& layout);
 
 struct WireScore {
-    double score = 0;     // 0 to 1: mean strength over what is inside the image
-    double visible = 0;   // share inside the image
+    double score = 0;     // 0 to 1: mean strength where a wire would show
+    double visible = 0;   // share of that
     double evidence = 0;  // above chance, times what is visible: what hypotheses compare by
 };
 
