@@ -25,17 +25,22 @@ struct CorkscrewPredictor::Placed {
     float velocity[kMostOfGroup][3];
     // Of the region's pixels: where it may be seen, and the line of its axis.
     double left, right, top, bottom;
-    Vector2 middle, along;  // along: unit; zero when it is seen end on
-    double half_width;
+    Vector2 middle = Vector2::Zero(), along = Vector2::Zero();  // along: unit, when half_length is positive
+    double half_width, half_length;
 
     // Columns [begin, end) of fine samples in the fine row at `y` px.
     void columns(double y, double half_row, int samples, int begin_limit, int end_limit, int& begin, int& end) const {
         double low = left, high = right;
-        if (std::abs(along.y()) > 1e-3) {
-            const double at = middle.x() + (y - middle.y()) * along.x() / along.y();
-            const double reach = half_width / std::abs(along.y()) + half_row * std::abs(along.x() / along.y());
+        const auto within = [&](const Vector2& normal, double half) {  // |normal . (pixel - middle)| <= half
+            if (std::abs(normal.x()) < 1e-3) return;
+            const double at = middle.x() - (y - middle.y()) * normal.y() / normal.x();
+            const double reach = (half + half_row * std::abs(normal.y())) / std::abs(normal.x());
             low = std::max(low, at - reach);
             high = std::min(high, at + reach);
+        };
+        if (half_length > 0) {
+            within(Vector2(-along.y(), along.x()), half_width);
+            within(along, half_length);
         }
         begin = std::max(begin_limit, static_cast<int>(std::floor((std::max(low, -1.0) + 0.5) * samples)));
         end = std::min(end_limit, static_cast<int>(std::ceil((std::min(high, 1e6) + 0.5) * samples)) + 1);
@@ -55,7 +60,8 @@ CorkscrewPredictor::CorkscrewPredictor(const CArm& carm, const CorkscrewLayout& 
         static_cast<int>(std::ceil(0.75 * kSamplesPerWire * carm.pixel_mm.maxCoeff() / (2 * thinnest))), 2, 4);
 }
 
-std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& imager_from_corkscrew) const {
+std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& imager_from_corkscrew,
+                                                                  const std::array<double, kParts>& attenuation) const {
     const Matrix3 rotation = imager_from_corkscrew.rotationMatrix();
     const Vector3 origin = imager_from_corkscrew.translation();
     const double focal = rays_.focal_length_mm(), pixel = pixel_mm_.mean();
@@ -69,7 +75,7 @@ std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& 
         const Vector2 a_mm = focal * (a + origin).head<2>() / (a + origin).z();
         const Vector2 b_mm = focal * (b + origin).head<2>() / (b + origin).z();
         const double oblique = std::sqrt(1 + a_mm.squaredNorm() / (focal * focal));
-        const double reach_px = piece.radius_mm * focal / nearest * oblique * oblique * 1.08 / pixel + 1;
+        const double reach_px = piece.radius_mm * focal / nearest * oblique * oblique * 1.08 / pixel + 0.75;
         const Vector2 a_px = rays_.pixel(a_mm), b_px = rays_.pixel(b_mm);
         out.left = std::min(a_px.x(), b_px.x()) - reach_px;
         out.right = std::max(a_px.x(), b_px.x()) + reach_px;
@@ -80,8 +86,15 @@ std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& 
             continue;
         out.middle = 0.5 * (a_px + b_px);
         const double seen_px = (b_px - a_px).norm();
-        out.along = seen_px > reach_px && !piece.sphere ? Vector2((b_px - a_px) / seen_px) : Vector2(Vector2::Zero());
+        out.half_length = 0;
         out.half_width = reach_px + 0.03 * seen_px;
+        if (!piece.sphere && seen_px > 0.5) {
+            // Its ends are discs, seen the more open the more the piece is foreshortened.
+            const double full_px = (b - a).norm() * focal / center.z() / pixel;
+            const double open = std::sqrt(std::max(0.0, 1 - std::pow(seen_px / (1.05 * full_px), 2)));
+            out.along = (b_px - a_px) / seen_px;
+            out.half_length = 0.53 * seen_px + reach_px * open + 0.75;
+        }
         out.part = piece.part;
         out.in_rod = piece.in_rod;
         out.group = piece.group;
@@ -104,6 +117,10 @@ std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& 
             for (int k = 0; k < 2; ++k)
                 view.normal[k][i] = static_cast<float>(normals[k][i]);
         }
+        const double own = attenuation[piece.part] - (piece.in_rod ? attenuation[rod] : 0);
+        view.attenuation = static_cast<float>(std::max(own, 1e-3));
+        view.flat[0] = piece.flat_a ? 1.0f : 0.0f;
+        view.flat[1] = piece.flat_b ? 1.0f : 0.0f;
         for (int k = 0; k < 2; ++k)
             view.offset[k] = static_cast<float>(offsets[k]);
         for (int k = 0; k < kMostOfGroup; ++k) {
@@ -349,12 +366,12 @@ PixelRegion boxOf(const PixelRegion& region, double left, double right, double t
 
 PredictedImage CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& gains,
                                            Derivatives derivatives) const {
-    const std::vector<Placed> placed = place(imager_from_corkscrew);
-    const PixelRegion& region = rays_.region();
-    const PixelRegion whole{0, 0, region.width, region.height};
     std::array<double, kParts> attenuation;
     for (std::size_t k = 0; k < kParts; ++k)
         attenuation[k] = gains[k] * attenuation_[k];
+    const std::vector<Placed> placed = place(imager_from_corkscrew, attenuation);
+    const PixelRegion& region = rays_.region();
+    const PixelRegion whole{0, 0, region.width, region.height};
 
     PredictedImage out;
     out.transmission = Image(region.width, region.height, 1.0f);
@@ -418,7 +435,7 @@ PredictedImage CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, 
 }
 
 std::array<Image, kParts> CorkscrewPredictor::pathLengths(const Rigid3& imager_from_corkscrew) const {
-    const std::vector<Placed> placed = place(imager_from_corkscrew);
+    const std::vector<Placed> placed = place(imager_from_corkscrew, {});
     const PixelRegion& region = rays_.region();
     std::array<Image, kParts> out;
     out.fill(Image(region.width, region.height));

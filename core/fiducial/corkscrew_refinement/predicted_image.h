@@ -6,8 +6,8 @@
 // intensities, so I and its derivatives are blurred alike afterwards. Materials' mu are those at the working energy
 // (materials.h); what a real beam makes of them, the gains follow.
 //
-// Derivatives come from how chords change when the solid moves (row_kernels.h), except at the flat ends of bars and on
-// the rod: these pull at nothing, being no precise dimensions.
+// Derivatives come from how chords change when the solid moves (row_kernels.h), except on the rod: plastic pulls at
+// nothing.
 //
 // Does not depend on the number of threads.
 #pragma once
@@ -59,7 +59,7 @@ class CorkscrewPredictor {
   private:
     struct Placed;
     class Strip;
-    std::vector<Placed> place(const Rigid3& imager_from_corkscrew) const;
+    std::vector<Placed> place(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& attenuation) const;
 
     RayMap rays_;
     SolidPieces solid_;

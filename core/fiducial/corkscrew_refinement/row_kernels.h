@@ -7,8 +7,8 @@
 //   sphere  where |E + z' D| = r
 // How a length changes when the solid moves with velocity v is the difference of v . n / (D . n) between the two ends
 // of the chord; in a bar D . n is -+ sqrt(disc) / r. So the motion's effect is F . v with F = |D| sum of the ends'
-// offsets from the axis / sqrt(disc), zero for ends on a plane. 1 / sqrt(disc) is cut off where a sample's width does,
-// keeping its integral.
+// offsets from the axis / sqrt(disc); a flat end adds its outward normal / |D . n|, a joint nothing. 1 / sqrt(disc) is
+// cut off where a sample's width does, keeping its integral.
 #pragma once
 
 namespace fluorocut::corkscrew {
@@ -21,6 +21,8 @@ struct PieceInView {
     float a[3], b[3];      // unit, across the axis
     float radius_squared = 0;
     float normal[2][3], offset[2];  // planes: inside is normal[0] . (E + z' D) >= offset[0], normal[1] ... <= offset[1]
+    float flat[2] = {0, 0};         // 1: that plane is an end of the solid, 0: a joint
+    float attenuation = 1;          // per mm
     float half_sample = 0;          // half the width of a sample at the piece, mm
 };
 

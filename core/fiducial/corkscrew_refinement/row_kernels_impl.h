@@ -8,11 +8,31 @@
 namespace fluorocut::corkscrew::FLUOROCUT_ISA {
 namespace {
 
-inline float larger(float a, float b) {
+[[gnu::always_inline]] inline float larger(float a, float b) {
     return a > b ? a : b;
 }
-inline float smaller(float a, float b) {
+[[gnu::always_inline]] inline float smaller(float a, float b) {
     return a < b ? a : b;
+}
+
+// exp(x) for x in [-80, 80] to 3e-7 of itself: 2^n e^r, |r| <= log(2) / 2, Taylor to r^6.
+[[gnu::always_inline]] inline float exponential(float x) {
+    x = smaller(larger(x, -80.0f), 80.0f);
+    const float scaled = x * 1.44269504f;
+    const float rounded = (scaled + 12582912.0f) - 12582912.0f;
+    const float r = x - rounded * 0.693359375f + rounded * 2.12194440e-4f;
+    const float e = 1 + r * (1 + r * (0.5f + r * (1.0f / 6 + r * (1.0f / 24 + r * (1.0f / 120 + r * (1.0f / 720))))));
+    return e * std::bit_cast<float>((static_cast<std::int32_t>(rounded) + 127) << 23);
+}
+
+// log of a positive normal number to 1e-7: m 2^n with m in [0.7, 1.4], log m = 2 atanh((m - 1) / (m + 1)).
+[[gnu::always_inline]] inline float logarithmOf(float x) {
+    const std::int32_t bits = std::bit_cast<std::int32_t>(x);
+    const std::int32_t exponent = (bits - 0x3f3504f3) >> 23;
+    const float m = std::bit_cast<float>(bits - exponent * (1 << 23));
+    const float s = (m - 1) / (m + 1), s2 = s * s;
+    return static_cast<float>(exponent) * 0.69314718f +
+           2 * s * (1 + s2 * (1.0f / 3 + s2 * (1.0f / 5 + s2 * (1.0f / 7 + s2 * (1.0f / 9)))));
 }
 
 struct Chord {
@@ -21,25 +41,32 @@ struct Chord {
     float z;           // parameter of the middle of the ends that count
 };
 
-// sqrt(limit - c^2), mean over c = offset +- width, and minus its change with c, by c.
+// h = sqrt(limit - c^2) over c = offset +- width, as one that transmits exp(-rate h) as their mean (Simpson's) does,
+// and minus its change with c, by c.
 struct HalfChord {
     float root, inverse;
 };
 
-inline HalfChord halfChord(float offset, float limit, float width) {
+template <bool kForce>
+[[gnu::always_inline]] inline HalfChord halfChord(float offset, float limit, float width, float rate) {
     const float beyond = offset + width, before = offset - width;
     const float here = std::sqrt(larger(limit - offset * offset, 0.0f));
     const float high = std::sqrt(larger(limit - beyond * beyond, 0.0f));
     const float low = std::sqrt(larger(limit - before * before, 0.0f));
-    HalfChord result;
-    result.root = (4 * here + high + low) * (1.0f / 6);
-    const float central = offset * offset < 0.25f * limit ? 1.0f : 0.0f;  // there the limb is far
-    result.inverse = central > 0 ? 1 / larger(here, 1e-12f) : (low - high) / (2 * width * offset);
+    // Relative to the middle's, for the rounding.
+    const float at_high = exponential(rate * (here - high)), at_low = exponential(rate * (here - low));
+    const float mean = (4 + at_high + at_low) * (1.0f / 6);
+    HalfChord result{larger(here - logarithmOf(mean) / rate, 0.0f), 0};
+    if constexpr (kForce) {
+        const bool central = offset * offset < 0.25f * limit;  // there the limb is far
+        const float slope = (at_high - at_low) / (rate * mean);
+        result.inverse = (central ? 2 * width : slope) / (2 * width * (central ? larger(here, 1e-12f) : offset));
+    }
     return result;
 }
 
 template <bool kSphere, bool kForce>
-inline Chord chord(const PieceInView& p, float x, float y) {
+[[gnu::always_inline]] inline Chord chord(const PieceInView& p, float x, float y) {
     const float dx = x * p.inverse_focal, dy = y * p.inverse_focal;
     const float ex = dx * p.center[2] - p.center[0], ey = dy * p.center[2] - p.center[1];
     const float stretch = std::sqrt(1 + dx * dx + dy * dy);
@@ -49,7 +76,8 @@ inline Chord chord(const PieceInView& p, float x, float y) {
         const float along = ex * dx + ey * dy;
         const float cx = -ey, cy = ex, cz = ex * dy - ey * dx;  // E x D
         const float offset = std::sqrt(cx * cx + cy * cy + cz * cz);
-        const HalfChord half = halfChord(offset, square * p.radius_squared, p.half_sample * stretch);
+        const HalfChord half = halfChord<kForce>(offset, square * p.radius_squared, p.half_sample * stretch,
+                                                 2 * p.attenuation * stretch / square);
         result.length = 2 * half.root / square * stretch;
         if constexpr (kForce) {
             const float scale = 2 * stretch * half.inverse;
@@ -64,21 +92,22 @@ inline Chord chord(const PieceInView& p, float x, float y) {
     const float ea = ex * p.a[0] + ey * p.a[1], eb = ex * p.b[0] + ey * p.b[1];
     const float square = larger(da * da + db * db, 1e-8f), inverse = 1 / square;
     const float cross = ea * db - eb * da;
-    const HalfChord half = halfChord(cross, square * p.radius_squared, p.half_sample * std::sqrt(square));
+    // Where the bar is seen end on, its joints cut the chord: not longer than four radii for the mean over the limb.
+    const float across = std::sqrt(square);
+    const float rate = 2 * p.attenuation * stretch / larger(square, 0.5f * across);
+    const HalfChord half = halfChord<kForce>(cross, square * p.radius_squared, p.half_sample * across, rate);
     const float root = half.root;
     const float middle = -(ea * da + eb * db) * inverse;
     const float enter = middle - root * inverse, leave = middle + root * inverse;
-    float low = -1e9f, high = 1e9f;
-    for (int k = 0; k < 2; ++k) {
-        const float* n = p.normal[k];
-        const float sign = k == 0 ? 1.0f : -1.0f;
-        const float rate = sign * (n[0] * dx + n[1] * dy + n[2]);
-        const float room = sign * (n[0] * ex + n[1] * ey - p.offset[k]);  // inside: room + z rate >= 0
-        const float magnitude = larger(rate < 0 ? -rate : rate, 1e-7f);
-        const float at = -room / (rate < 0 ? -magnitude : magnitude);
-        low = rate < 0 ? low : larger(low, at);
-        high = rate < 0 ? smaller(high, at) : high;
-    }
+    // Inside: sign (n . (E + z D) - offset) >= 0. Each plane bounds z from below or from above.
+    const float rate0 = p.normal[0][0] * dx + p.normal[0][1] * dy + p.normal[0][2];
+    const float rate1 = -(p.normal[1][0] * dx + p.normal[1][1] * dy + p.normal[1][2]);
+    const float room0 = p.normal[0][0] * ex + p.normal[0][1] * ey - p.offset[0];
+    const float room1 = -(p.normal[1][0] * ex + p.normal[1][1] * ey - p.offset[1]);
+    const float steep0 = larger(rate0 < 0 ? -rate0 : rate0, 1e-7f), steep1 = larger(rate1 < 0 ? -rate1 : rate1, 1e-7f);
+    const float cut0 = (rate0 < 0 ? room0 : -room0) / steep0, cut1 = (rate1 < 0 ? room1 : -room1) / steep1;
+    const float low = larger(rate0 < 0 ? -1e9f : cut0, rate1 < 0 ? -1e9f : cut1);
+    const float high = smaller(rate0 < 0 ? cut0 : 1e9f, rate1 < 0 ? cut1 : 1e9f);
     const float first = larger(enter, low), last = smaller(leave, high);
     result.length = root > 0 ? larger(last - first, 0.0f) * stretch : 0.0f;
     if constexpr (kForce) {
@@ -87,10 +116,17 @@ inline Chord chord(const PieceInView& p, float x, float y) {
         const float out = leave <= high && leave > low ? scale : 0.0f;
         const float fa = in * (ea + enter * da) + out * (ea + leave * da);
         const float fb = in * (eb + enter * db) + out * (eb + leave * db);
-        result.fx = fa * p.a[0] + fb * p.b[0];
-        result.fy = fa * p.a[1] + fb * p.b[1];
-        result.fz = fa * p.a[2] + fb * p.b[2];
-        result.z = in > 0 ? (out > 0 ? middle : enter) : leave;
+        // A flat end: v . n / (D . n), which grows without limit as the end is seen from the side.
+        // Entering: -n / rate with the inward normal; leaving: +n / rate. Both are against the inward normal.
+        const float cuts0 = first < last && cut0 > enter && cut0 < leave ? p.flat[0] : 0.0f;
+        const float cuts1 = first < last && cut1 > enter && cut1 < leave ? p.flat[1] : 0.0f;
+        const float na = cuts0 * stretch / larger(steep0, 0.03f), nb = cuts1 * stretch / larger(steep1, 0.03f);
+        result.fx = fa * p.a[0] + fb * p.b[0] - na * p.normal[0][0] + nb * p.normal[1][0];
+        result.fy = fa * p.a[1] + fb * p.b[1] - na * p.normal[0][1] + nb * p.normal[1][1];
+        result.fz = fa * p.a[2] + fb * p.b[2] - na * p.normal[0][2] + nb * p.normal[1][2];
+        const float one_end = in > 0 ? enter : leave;
+        const float either = in > 0 && out > 0 ? middle : one_end;
+        result.z = na + nb > 0 ? 0.5f * (first + last) : either;
     }
     return result;
 }
@@ -177,16 +213,6 @@ void motions(const PieceInView& piece, const float* x, const float* y, int count
     (piece.sphere ? motionsOf<true> : motionsOf<false>)(piece, x, y, count, weight, velocity, planes);
 }
 
-// exp(x) for x in [-80, 80] to 3e-7 of itself: 2^n e^r, |r| <= log(2) / 2, Taylor to r^6.
-inline float exponential(float x) {
-    x = smaller(larger(x, -80.0f), 80.0f);
-    const float scaled = x * 1.44269504f;
-    const float rounded = (scaled + 12582912.0f) - 12582912.0f;
-    const float r = x - rounded * 0.693359375f + rounded * 2.12194440e-4f;
-    const float e = 1 + r * (1 + r * (0.5f + r * (1.0f / 6 + r * (1.0f / 24 + r * (1.0f / 120 + r * (1.0f / 720))))));
-    return e * std::bit_cast<float>((static_cast<std::int32_t>(rounded) + 127) << 23);
-}
-
 void transmission(const float* const* lengths_of, const float* coefficients, int parts, int count,
                   float* __restrict values) {
     for (int i = 0; i < count; ++i)
@@ -199,16 +225,6 @@ void transmission(const float* const* lengths_of, const float* coefficients, int
     }
     for (int i = 0; i < count; ++i)
         values[i] = exponential(values[i]);
-}
-
-// log of a positive normal number to 1e-7: m 2^n with m in [0.7, 1.4], log m = 2 atanh((m - 1) / (m + 1)).
-inline float logarithmOf(float x) {
-    const std::int32_t bits = std::bit_cast<std::int32_t>(x);
-    const std::int32_t exponent = (bits - 0x3f3504f3) >> 23;
-    const float m = std::bit_cast<float>(bits - exponent * (1 << 23));
-    const float s = (m - 1) / (m + 1), s2 = s * s;
-    return static_cast<float>(exponent) * 0.69314718f +
-           2 * s * (1 + s2 * (1.0f / 3 + s2 * (1.0f / 5 + s2 * (1.0f / 7 + s2 * (1.0f / 9)))));
 }
 
 void logarithm(float* __restrict values, int count, float floor) {

@@ -7,7 +7,7 @@
 namespace fluorocut::corkscrew {
 namespace {
 
-constexpr double kWireStepMm = 0.75, kBarStepMm = 5;
+constexpr double kWireStepMm = 0.4, kBarStepMm = 5;
 
 struct Node {
     Vector3 point;
@@ -26,6 +26,8 @@ void addWire(std::vector<Piece>& pieces, const std::vector<Node>& nodes, bool cl
         Piece piece{nodes[k].point, nodes[k + 1].point, (before + along[k]).normalized(),
                     (along[k] + after).normalized(), radius_mm};
         piece.group = group;
+        piece.flat_a = !closed && k == 0;
+        piece.flat_b = !closed && k + 1 == count;
         for (std::size_t p = 0; p < piece.velocity.size(); ++p)
             piece.velocity[p] = 0.5 * (nodes[k].velocity[p] + nodes[k + 1].velocity[p]);
         pieces.push_back(piece);
@@ -48,6 +50,8 @@ void addBar(std::vector<Piece>& pieces, double from_mm, double to_mm, double rad
         piece.radius_mm = radius_mm;
         piece.part = part;
         piece.in_rod = in_rod;
+        piece.flat_a = k == 0;
+        piece.flat_b = k + 1 == count;
         pieces.push_back(piece);
     }
 }
@@ -99,9 +103,14 @@ SolidPieces::SolidPieces(const CorkscrewLayout& layout) {
     const auto [shaft_low, shaft_high] = layout.shaft_x_mm;
     const double rod_low = std::clamp(layout.rod_x_mm[0], shaft_low, shaft_high);
     const double rod_high = std::clamp(layout.rod_x_mm[1], shaft_low, shaft_high);
+    const std::size_t first = pieces.size();
     addBar(pieces, shaft_low, rod_low, layout.shaft_radius_mm, shaft, false);
     addBar(pieces, rod_low, rod_high, layout.shaft_radius_mm, shaft, true);
     addBar(pieces, rod_high, shaft_high, layout.shaft_radius_mm, shaft, false);
+    for (std::size_t k = first; k < pieces.size(); ++k) {  // where it enters the rod is no end
+        pieces[k].flat_a = k == first;
+        pieces[k].flat_b = k + 1 == pieces.size();
+    }
     addBar(pieces, layout.rod_x_mm[0], layout.rod_x_mm[1], layout.rod_radius_mm, rod, false);
 }
 

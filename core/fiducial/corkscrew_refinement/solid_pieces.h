@@ -32,6 +32,7 @@ struct Piece {
     Vector3 normal_a, normal_b;  // unit
     double radius_mm = 0;
     Part part = wire;
+    bool flat_a = false, flat_b = false;  // the end at a, at b is one of the solid, not a joint
     bool sphere = false;
     bool in_rod = true;  // displaces the rod's material
     int group = -1;

@@ -50,14 +50,14 @@ Image sum(Image a, const Image& b, float factor = 1) {
     return a;
 }
 
-Lengths exact(const CorkscrewLayout& layout, const CArm& carm, const Rigid3& pose, int samples) {
+Lengths exact(const CorkscrewLayout& layout, const CArm& carm, const Rigid3& pose) {
     const Result<CorkscrewSolid> solid = corkscrewSolid(layout);
     EXPECT_OK(solid);
     const auto of = [&](const TriangleMesh& mesh) {
         if (mesh.triangles.empty()) return Image(carm.columns, carm.rows);
         const Result<MeshProjector> projector = MeshProjector::prepare(mesh);
         EXPECT_OK(projector);
-        return projector->project(carm, pose, {samples});
+        return projector->project(carm, pose);
     };
     Lengths lengths{of(solid->helix), {}, Image(carm.columns, carm.rows), of(solid->rod)};
     for (const TriangleMesh& ring : solid->rings)
@@ -68,6 +68,14 @@ Lengths exact(const CorkscrewLayout& layout, const CArm& carm, const Rigid3& pos
     lengths.shaft = sum(inside, of(solid->shaft_outside));
     lengths.rod = sum(sum(sum(lengths.rod, inside, -1), lengths.wire, -1), lengths.beads, -1);
     return lengths;
+}
+
+Image pixelMeans(const Image& fine, int factor) {
+    Image out(fine.width() / factor, fine.height() / factor);
+    for (int y = 0; y < fine.height(); ++y)
+        for (int x = 0; x < fine.width(); ++x)
+            out(x / factor, y / factor) += fine(x, y) / static_cast<float>(factor * factor);
+    return out;
 }
 
 Image cut(const Image& image, const PixelRegion& region) {
@@ -116,56 +124,51 @@ CArm carmOf(const Case& c) {
     return carm;
 }
 
-TEST(CorkscrewPredictedImage, AgreesWithTheExactPathLengthsOfMeshes) {
+TEST(CorkscrewPredictedImage, AgreesWithTheExactPathLengthsOfMeshesSlow) {
     for (const Case& c : cases()) {
         const CorkscrewLayout layout = layoutNamed(c.layout);
         const CArm carm = carmOf(c);
         const PixelRegion region = regionAround(carm, layout, c.pose, 8);
         const CorkscrewPredictor predictor(carm, layout, region);
         const auto seen = predictor.pathLengths(c.pose);
-        const Lengths mesh = exact(layout, carm, c.pose, 6);
+        // The truth in an image of four times as many pixels along each axis: means over the pixel.
+        constexpr int kFine = 4;
+        CArm fine = carm;
+        fine.columns *= kFine;
+        fine.rows *= kFine;
+        fine.pixel_mm /= kFine;
+        fine.principal_point_px = (carm.principal_point_px.array() + 0.5) * kFine - 0.5;
+        const Lengths of_fine = exact(layout, fine, c.pose);
+        const Lengths mesh{pixelMeans(of_fine.wire, kFine), pixelMeans(of_fine.shaft, kFine),
+                           pixelMeans(of_fine.beads, kFine), pixelMeans(of_fine.rod, kFine)};
         // 2 x 2 samples a pixel against 6 x 6: at a wire's limb they differ, which the detector's blur takes away.
         // Where a wire is seen end on, 7 mm of it lie in a pixel.
-        EXPECT_LT(rmsDifference(seen[wire], cut(mesh.wire, region)), 0.03 * rms(seen[wire]));
+        EXPECT_LT(rmsDifference(seen[wire], cut(mesh.wire, region)), 0.02 * rms(seen[wire]));
         EXPECT_LT(rmsDifference(seen[shaft], cut(mesh.shaft, region)), 0.02 * rms(seen[shaft]));
         EXPECT_LT(rmsDifference(seen[rod], cut(mesh.rod, region)), 0.01 * rms(seen[rod]));
         if (!layout.beads.empty()) {
-            EXPECT_LT(rmsDifference(seen[beads], cut(mesh.beads, region)), 0.03 * rms(seen[beads]));
+            EXPECT_LT(rmsDifference(seen[beads], cut(mesh.beads, region)), 0.02 * rms(seen[beads]));
         }
         const std::array<double, kParts> gains{1, 1, 1, 1};
         const Image predicted = gaussianBlurred(predictor.predict(c.pose, gains, Derivatives::none).transmission, 0.7);
-        Image through(region.width, region.height);
+        Image through;
         const double mu_wire = attenuationPerMm(layout.wire), mu_shaft = attenuationPerMm(layout.shaft);
         const double mu_rod = attenuationPerMm(layout.rod);
-        // The truth's mean over the pixel is that of exp, not of lengths: as an image of six times as many pixels.
-        CArm fine = carm;
-        fine.columns *= 6;
-        fine.rows *= 6;
-        fine.pixel_mm /= 6;
-        fine.principal_point_px = (carm.principal_point_px.array() + 0.5) * 6 - 0.5;
-        const Lengths of_fine = exact(layout, fine, c.pose, 1);
-        for (int y = 0; y < region.height; ++y) {
-            for (int x = 0; x < region.width; ++x) {
-                double total = 0;
-                for (int v = 0; v < 6; ++v) {
-                    for (int u = 0; u < 6; ++u) {
-                        const int fx = 6 * (region.x + x) + u, fy = 6 * (region.y + y) + v;
-                        total += std::exp(-mu_wire * of_fine.wire(fx, fy) -
-                                          mu_shaft * (of_fine.shaft(fx, fy) + of_fine.beads(fx, fy)) -
-                                          mu_rod * of_fine.rod(fx, fy));
-                    }
-                }
-                through(x, y) = static_cast<float>(total / 36);
-            }
+        Image fine_through = of_fine.wire;
+        for (std::size_t i = 0; i < fine_through.size(); ++i) {
+            const double metal = of_fine.shaft.pixels()[i] + of_fine.beads.pixels()[i];
+            fine_through.pixels()[i] = static_cast<float>(
+                std::exp(-mu_wire * of_fine.wire.pixels()[i] - mu_shaft * metal - mu_rod * of_fine.rod.pixels()[i]));
         }
+        through = cut(pixelMeans(fine_through, kFine), region);
         const Image blurred = gaussianBlurred(through, 0.7);
-        EXPECT_LT(rmsDifference(predicted, blurred), 0.0025);
+        EXPECT_LT(rmsDifference(predicted, blurred), 0.003);
         EXPECT_LT(largest(predicted, blurred), 0.08);
     }
 }
 
 // Slope and correlation of the derivative with a central difference, after the detector's blur.
-void expectSameDerivative(const Image& derivative, const Image& plus, const Image& minus, double step,
+void expectSameDerivative(const Image& derivative, const Image& plus, const Image& minus, double step, double tolerance,
                           const std::string& what) {
     Image difference = sum(plus, minus, -1);
     const Image smooth = gaussianBlurred(derivative, 0.75), expected = gaussianBlurred(difference, 0.75);
@@ -176,10 +179,9 @@ void expectSameDerivative(const Image& derivative, const Image& plus, const Imag
         of_smooth += a * a;
         of_expected += b * b;
     }
-    // Limbs, where the derivative is infinite, are sampled, not integrated, and ends do not pull: a few per cent.
     if (of_expected == 0 && of_smooth == 0) return;  // outside the image
-    EXPECT_NEAR(with / of_expected, 1, 0.1) << what;
-    EXPECT_GT(with / std::sqrt(of_smooth * of_expected), 0.9) << what;
+    EXPECT_NEAR(with / of_expected, 1, tolerance) << what;
+    EXPECT_GT(with / std::sqrt(of_smooth * of_expected), 1 - tolerance) << what;
 }
 
 TEST(CorkscrewPredictedImage, DerivativesAreThoseOfTheImage) {
@@ -188,23 +190,24 @@ TEST(CorkscrewPredictedImage, DerivativesAreThoseOfTheImage) {
         const CArm carm = carmOf(c);
         const PixelRegion region = regionAround(carm, layout, c.pose, 8);
         const CorkscrewPredictor predictor(carm, layout, region);
-        // Ends of shaft and rod do not pull: wires and beads alone.
-        const std::array<double, kParts> gains{1.1, 0, 0.9, 0};
+        // The rod does not pull.
+        const std::array<double, kParts> gains{1.1, 1, 0.9, 0};
         const PredictedImage at = predictor.predict(c.pose, gains, Derivatives::all);
         const auto predict = [&](const CorkscrewPredictor& other, const Rigid3& pose) {
             return other.predict(pose, gains, Derivatives::none).transmission;
         };
-        const double steps[6] = {0.02, 0.02, 0.3, 5e-4, 5e-4, 5e-4};
+        const double steps[6] = {0.06, 0.06, 1, 2e-3, 2e-3, 2e-3};
         for (int k = 0; k < 6; ++k) {
             Vector6 delta = Vector6::Zero();
             delta[k] = steps[k];
             expectSameDerivative(at.pose[static_cast<std::size_t>(k)], predict(predictor, c.pose.perturbed(delta)),
-                                 predict(predictor, c.pose.perturbed(-delta)), steps[k], "pose " + std::to_string(k));
+                                 predict(predictor, c.pose.perturbed(-delta)), steps[k], 0.08,
+                                 "pose " + std::to_string(k));
         }
         // What images share.
         const std::vector<std::string> names = corkscrewParameters(layout);
         for (std::size_t k = 0; k < names.size(); ++k) {
-            const double step = k == 0 ? 2e-4 : k < 3 ? 0.05 : names[k] == "helix phase" ? 1e-3 : 0.02;
+            const double step = k == 0 ? 1e-3 : k < 3 ? 0.3 : names[k] == "helix phase" ? 4e-3 : 0.06;
             Eigen::VectorXd delta = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(names.size()));
             delta[static_cast<Eigen::Index>(k)] = step;
             const Image plus = predict({withParameters(carm, delta), withParameters(layout, delta), region}, c.pose);
@@ -223,15 +226,17 @@ TEST(CorkscrewPredictedImage, DerivativesAreThoseOfTheImage) {
                                 group.planes[static_cast<std::size_t>(plane)](x, y);
                 }
             }
-            expectSameDerivative(derivative, plus, minus, step, names[k]);
+            // A wire seen end on has limbs on all sides; a bead that moves toward the source hardly changes.
+            expectSameDerivative(derivative, plus, minus, step, k < 3 ? 0.08 : 0.2, names[k]);
         }
+        // What a sample at a limb stands for depends a little on the gain itself.
         for (std::size_t k = 0; k < kParts; ++k) {
             if (k == beads && layout.beads.empty()) continue;
             auto more = gains, less = gains;
             more[k] += 0.01;
             less[k] -= 0.01;
             expectSameDerivative(at.gains[k], predictor.predict(c.pose, more, Derivatives::none).transmission,
-                                 predictor.predict(c.pose, less, Derivatives::none).transmission, 0.01,
+                                 predictor.predict(c.pose, less, Derivatives::none).transmission, 0.01, 0.06,
                                  "gain " + std::to_string(k));
         }
     }
