@@ -430,6 +430,7 @@ Result<CorkscrewScene> CorkscrewScenes::Shared::picture(std::uint64_t index, con
     scene.covered = covered(setting, imager_from_corkscrew, steel_mm);
     scene.inverted = setting.inverted;
     scene.imager = setting.imager;
+    scene.map_error_mm = imager.map_error_mm;
     scene.objects = setting.objects;
     return scene;
 }

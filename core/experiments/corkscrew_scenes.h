@@ -76,8 +76,9 @@ struct CorkscrewScene {
     double visible = 0;  // share of the wires' length inside the lit picture
     double covered = 0;  // share of the visible behind metal that lets less than a tenth through
     bool inverted = false;
-    std::size_t imager = 0;  // which of them
-    std::string objects;     // "hip, 2 screws, clamp"
+    double map_error_mm = 0;  // of its imager's map
+    std::size_t imager = 0;   // which of them
+    std::string objects;      // "hip, 2 screws, clamp"
 };
 
 class CorkscrewScenes {

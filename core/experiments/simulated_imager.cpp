@@ -20,8 +20,8 @@ Rigid3 anyTurn(Random& random) {
 }
 
 // The plate alone, on the detector, as its calibration sees it.
-Result<Image> plateImage(const CArm& carm, double lit_radius_mm, double photons, Random& random) {
-    const GroovedPlate plate;
+Result<Image> plateImage(const CArm& carm, const GroovedPlate& plate, double lit_radius_mm, double photons,
+                         Random& random) {
     PlatePlacement placement;
     placement.shift_mm = {random.uniform(-4, 4), random.uniform(-4, 4)};
     placement.rotation_rad = random.uniform(-std::numbers::pi, std::numbers::pi);
@@ -74,6 +74,7 @@ Result<void> SimulatedImagerOptions::validate() const {
                           {"pixel_mm", pixel_mm, 0.02, 5, "mm"},
                           {"focal_length_mm", focal_length_mm, 200, 5000, "mm"},
                           {"plate_photons", plate_photons, 50, 1e7, ""},
+                          {"plate_contrast", plate_contrast, 0.01, 0.3, ""},
                           {"focal_length_error", focal_length_error, 0, 0.1, ""},
                           {"principal_point_error_mm", principal_point_error_mm, 0, 20, "mm"}});
 }
@@ -126,9 +127,11 @@ Result<SimulatedImager> simulateImager(const SimulatedImagerOptions& options, Ra
         auto distortion = IntensifierDistortion::create(intensifierAt(tube, anyTurn(random)));
         if (!distortion) return distortion.error();
         truth.distortion = std::move(*distortion);
-        const Result<Image> plate = plateImage(truth, imager.lit_radius_mm, options.plate_photons, random);
-        if (!plate) return plate.error();
-        const Result<GrooveDetection> grooves = detectGrooves(*plate, {}, {}, Progress::none());
+        GroovedPlate plate;
+        plate.groove_depth_mm *= options.plate_contrast / plate.grooveContrast();
+        const Result<Image> image = plateImage(truth, plate, imager.lit_radius_mm, options.plate_photons, random);
+        if (!image) return image.error();
+        const Result<GrooveDetection> grooves = detectGrooves(*image, plate, {}, Progress::none());
         if (!grooves) return grooves.error();
         const Result<DistortionMap> map = fitDistortion(grooves->points, {});
         if (!map) return map.error();

@@ -23,7 +23,9 @@ struct SimulatedImagerOptions {
     double pixel_mm = 0.32;
     double focal_length_mm = 1000;
     bool bent = false;  // by an intensifier, whose lit field is round
+    // Of the calibration's picture: photons per pixel in the open beam, and the grooves' contrast there.
     double plate_photons = 2000;
+    double plate_contrast = 0.065;
     // Standard deviations of what the calibration has wrong besides.
     double focal_length_error = 0;  // relative
     double principal_point_error_mm = 0;

@@ -67,7 +67,7 @@ void drawSide(Drawing& drawing, const CorkscrewLayout& layout, double scale, con
     }
     for (const double x : layout.shaft_x_mm)
         drawing.line(at(x, -layout.shaft_radius_mm), at(x, layout.shaft_radius_mm));
-    drawing.line(at(layout.shaft_x_mm[0] - 4, 0), at(layout.shaft_x_mm[1] + 4, 0), Pen::center);
+    drawing.line(at(layout.shaft_x_mm[0], 0) - Vector2(4, 0), at(layout.shaft_x_mm[1], 0) + Vector2(4, 0), Pen::center);
     for (const CorkscrewRing& ring : layout.rings) {
         for (const int sign : {-1, 1}) {
             const double x = ring.x_mm + sign * ring.wire_radius_mm;
@@ -187,7 +187,7 @@ Result<Drawing> drawCorkscrew(const CorkscrewLayout& layout) {
     constexpr double kScales[] = {5, 2, 1};
     const double scale = *std::find_if(std::begin(kScales), std::end(kScales),
                                        [&](double s) { return s * (high - low) < 270 || s == 1; });
-    constexpr double kAbove = 38, kLevel = 8, kTable = 6, kLeft = 10, kBetween = 28, kAfterEnd = 54;
+    constexpr double kAbove = 38, kLevel = 8, kTable = 6, kLeft = 10, kBetween = 34, kAfterEnd = 48;
     const double rod = scale * layout.rod_radius_mm;
     const double side_width = scale * (high - low), end_width = 2 * rod;
     const double dims = 12 + kLevel * static_cast<double>(places.size());

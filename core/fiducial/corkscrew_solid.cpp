@@ -24,12 +24,21 @@ TriangleMesh alongX(double radius_mm, double from_mm, double to_mm, int sides, d
     return makeTube(line, radius_mm, sides, false);
 }
 
+// Chords lie within the circle that they are drawn in, by up to radius * a^2 / 2 (a: half a chord's angle), on average
+// by a third of radius * a^2. Moved out by that much, a wire lies where it should on average: a ring's size is what
+// tells how far away it is.
+Vector3 balanced(const Vector3& on_circle, double half_angle_rad) {
+    const double grow = 1 + half_angle_rad * half_angle_rad / 3;
+    return {on_circle.x(), grow * on_circle.y(), grow * on_circle.z()};
+}
+
 // Across the wire one direction lies along the axis: it is never along a ring's or the helix's tangent.
 TriangleMesh ringOf(const CorkscrewRing& ring, const CorkscrewFineness& fineness) {
     std::vector<TubePoint> line;
     for (int i = 0; i < fineness.around_axis; ++i) {
         const double angle = 2 * std::numbers::pi * i / fineness.around_axis;
-        line.push_back({ring.point(angle), ring.tangent(angle), Vector3::UnitX()});
+        line.push_back({balanced(ring.point(angle), std::numbers::pi / fineness.around_axis), ring.tangent(angle),
+                        Vector3::UnitX()});
     }
     return makeTube(line, ring.wire_radius_mm, fineness.around_wire, true);
 }
@@ -39,7 +48,8 @@ TriangleMesh helixOf(const CorkscrewHelix& helix, const CorkscrewFineness& finen
     std::vector<TubePoint> line;
     for (int i = 0; i <= chords; ++i) {
         const double t = static_cast<double>(i) / chords;
-        line.push_back({helix.point(t), helix.tangent(t), Vector3::UnitX()});
+        line.push_back(
+            {balanced(helix.point(t), std::numbers::pi * helix.turns / chords), helix.tangent(t), Vector3::UnitX()});
     }
     return makeTube(line, helix.wire_radius_mm, fineness.around_wire, false);
 }

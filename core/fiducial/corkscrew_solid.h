@@ -3,9 +3,8 @@
 // Parts of one material never overlap. Wires, beads and the shaft's inner part lie within the rod, whose mesh has no
 // holes for them: who adds up what the parts absorb counts them as displacing the rod's material.
 //
-// Round sections are regular polygons of the circle's area (makeTube), so that their path lengths are right on average
-// at any fineness. The middle lines of rings and helix are inscribed: from `around_axis` chords a turn their places are
-// off by radius (1 - cos(pi / around_axis)), 0.3 um of 14 mm at 512.
+// Round sections are regular polygons of the circle's area (makeTube), the chords of rings and helix lie as much
+// outside as inside of the layout's line: path lengths and places are right on average at any fineness.
 #pragma once
 
 #include <vector>
