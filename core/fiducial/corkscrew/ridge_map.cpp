@@ -156,9 +156,9 @@ Result<WorkingImage> workingImage(const Image& image, const CArm& carm, double p
         return noSolution("image", fmt::format("nothing but one grey value ({:.4g})", middle),
                           "an X-ray image of a corkscrew", "check the shutter, the exposure and the file");
     }
-    // Bright metal: mirrored about the range of levels. Levels below zero are no photons: lifted.
+    // Bright metal: the brightest has let no photons through. Levels below zero are no photons: lifted.
     const float zero = metal_is_bright ? 0.0F : std::min(low, 0.0F);
-    const float typical = metal_is_bright ? high + low - middle : middle - zero;
+    const float typical = metal_is_bright ? high - middle : middle - zero;
     const auto black = static_cast<float>(kDarkest) * std::max(typical, 0.02F * (high - low));
 
     const PixelMap map = pixelMap(carm, working.carm, working.binning);
@@ -175,7 +175,7 @@ Result<WorkingImage> workingImage(const Image& image, const CArm& carm, double p
                                   at.y() <= static_cast<float>(binned.height()) - 0.5F;
                 const bool known = at.allFinite();
                 const float level = known ? bilinear(binned, at.x(), at.y()) : middle;
-                const float value = std::max(metal_is_bright ? high + low - level : level - zero, 0.0F) + black;
+                const float value = std::max(metal_is_bright ? high - level : level - zero, 0.0F) + black;
                 working.log(x, y) = std::log(value);
                 intensity(x, y) = seen ? value : std::numeric_limits<float>::quiet_NaN();
             }
