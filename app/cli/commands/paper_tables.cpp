@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/commands/list.h"
+#include "app/cli/commands/paper_tables_parts.h"
 #include "app/cli/options.h"
 #include "core/experiments/dewarp_experiment.h"
 
@@ -20,15 +21,9 @@ struct Options {
     int trials = 20;
     std::uint64_t seed = 1;
     double pixel_mm = 0.32;
+    CorkscrewTablesRequest corkscrew;
+    std::string only;
 };
-
-nlohmann::ordered_json jsonOf(const ErrorFigures& figures) {
-    return {{"count", figures.count},
-            {"mean", figures.mean},
-            {"rms", figures.rms},
-            {"percentile_95", figures.percentile_95},
-            {"max", figures.largest}};
-}
 
 std::string cell(const ErrorFigures& figures) {
     return fmt::format("{:.3f} {:.3f}", figures.mean, figures.largest);
@@ -63,8 +58,8 @@ void add(const DewarpExperimentResult& result, bool objects, nlohmann::ordered_j
                             {"models", models}});
 }
 
-Result<Report> run(const Options& options, Progress& progress) {
-    Report report;
+// Adds to the report; gives the text.
+Result<std::string> addDewarp(const Options& options, Report& report, Progress& progress) {
     nlohmann::ordered_json dewarp = {{"pixel_mm", options.pixel_mm},
                                      {"paper", {{"centre_mm", kPaperCentreMm}, {"margin_mm", kPaperMarginMm}}},
                                      {"runs", nlohmann::ordered_json::array()}};
@@ -93,23 +88,62 @@ Result<Report> run(const Options& options, Progress& progress) {
                               result->wrong, result->detect_ms, result->fit_ms);
     }
     report.json["dewarp"] = dewarp;
-    report.raw = text + "\n" + counts;
+    return text + "\n" + counts;
+}
+
+Result<Report> run(const Options& options, Progress& progress) {
+    Report report;
+    if (options.only != "corkscrew") {
+        SubProgress part(progress, 0, options.only.empty() ? 0.3 : 1);
+        const Result<std::string> text = addDewarp(options, report, part);
+        if (!text) return text.error();
+        report.raw += *text;
+    }
+    if (options.only != "dewarp") {
+        CorkscrewTablesRequest request = options.corkscrew;
+        request.seed = options.seed;
+        request.pixel_mm = options.pixel_mm;
+        SubProgress part(progress, options.only.empty() ? 0.3 : 0, 1);
+        const Result<std::string> text = addCorkscrewTables(request, report.json["corkscrew"], part);
+        if (!text) return text.error();
+        report.raw += (report.raw.empty() ? "" : "\n") + *text;
+    }
     return report;
 }
 
 }  // namespace
 
+nlohmann::ordered_json jsonOf(const ErrorFigures& figures) {
+    return {{"count", figures.count},
+            {"mean", figures.mean},
+            {"rms", figures.rms},
+            {"percentile_95", figures.percentile_95},
+            {"max", figures.largest}};
+}
+
 Command declarePaperTables(CLI::App& parent) {
     const auto options = std::make_shared<Options>();
     CLI::App* app = parent.add_subcommand("paper-tables", "The paper's experiments in simulation, beside its figures");
-    app->add_option("--trials", options->trials, "Of each experiment")
+    app->add_option("--trials", options->trials, "Of the distortion's experiment")
         ->check(CLI::Range(1, 100000))
         ->capture_default_str();
     app->add_option("--seed", options->seed)->check(CLI::NonNegativeNumber)->capture_default_str();
     app->add_option("--pixel-mm", options->pixel_mm, "Of the detector, for the same field")
         ->check(between(0.1, 0.64))
         ->capture_default_str();
-    app->footer("Example: fluorocut-cli paper-tables --trials 100 --seed 7");
+    app->add_option("--carms", options->corkscrew.carms, "Of Tables 1 and 2, the corkscrew's: 31 images with each")
+        ->check(CLI::Range(1, 10000))
+        ->capture_default_str();
+    app->add_option("--scenes", options->corkscrew.scenes, "Random ones, of the corkscrew's accuracy")
+        ->check(CLI::Range(1, 100000))
+        ->capture_default_str();
+    app->add_option("--corkscrew", options->corkscrew.corkscrew, "Corkscrew, a file or one built in by name")
+        ->capture_default_str();
+    app->add_option("--only", options->only, "One of the experiments")->check(CLI::IsMember({"dewarp", "corkscrew"}));
+    app->footer(
+        "Examples:\n"
+        "  fluorocut-cli paper-tables --trials 100 --seed 7\n"
+        "  fluorocut-cli paper-tables --only corkscrew --carms 20 --scenes 500");
     return {app, [options](Progress& progress) { return run(*options, progress); }};
 }
 
