@@ -37,7 +37,7 @@ struct BeadUncertainty {
     double focal_length = 0.001;  // relative
     double principal_point_px = 1;
     double bead_mm = 0.05;         // where each bead lies in the bone, per axis
-    double unexplained_px = 0.05;  // usual errors of shadows that their covariances know nothing of
+    double unexplained_px = 0.03;  // usual errors of shadows that their covariances know nothing of
 
     Result<void> validate() const;
 };
