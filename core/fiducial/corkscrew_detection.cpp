@@ -21,6 +21,7 @@ namespace {
 
 using namespace corkscrew;
 
+constexpr const char* kStep = "corkscrew detection";
 constexpr int kLeastPixels = 48;       // along a side of the image
 constexpr double kWirePixels = 2.2;    // width of a wire on the working grid
 constexpr double kTypicalDepth = 0.7;  // of the focal length
@@ -30,14 +31,15 @@ constexpr int kTwistsPerGuess = 3;
 constexpr std::size_t kFirstLines = 3;
 constexpr std::size_t kFirstGuesses = 48, kFirstStarts = 20;  // fitted to rings; to everything
 constexpr std::size_t kMostGuesses = 120, kMostStarts = 40;
-constexpr double kClearScore = 0.75;  // nothing but the corkscrew reaches it
-constexpr double kReachPx = 3;        // of the first polishing
+constexpr double kClearScore = 0.75, kClearEvidence = 0.3;  // nothing but the corkscrew reaches both
+constexpr double kReachPx = 3;                              // of the first polishing
 constexpr double kTwistedReachPx = 4;
-constexpr std::size_t kTwinned = 3;     // poses whose twins are tried
-constexpr double kLeastScore = 0.5;     // of a corkscrew; texture and clutter reach 0.45
-constexpr double kSureScore = 0.65;     // no need to try the other polarity
-constexpr double kLeastOfBest = 0.55;   // of the best one's evidence, to be a candidate
-constexpr double kSameRotation = 0.09;  // rad
+constexpr std::size_t kTwinned = 3;  // poses whose twins are tried
+constexpr double kLeastScore = 0.4;  // of a corkscrew; hips with screws, clamps and spindles reach 0.39, mostly 0.3
+constexpr double kPartScore = 0.6, kPartVisible = 0.15;  // of a corkscrew that is cut off, to say so
+constexpr double kSureScore = 0.65;                      // no need to try the other polarity
+constexpr double kLeastOfBest = 0.55;                    // of the best one's evidence, to be a candidate
+constexpr double kSameRotation = 0.09;                   // rad
 constexpr double kSameInPlane_mm = 2.5;
 constexpr double kSameDepth = 0.025;
 
@@ -48,6 +50,10 @@ struct Found {
 
 bool better(const Found& a, const Found& b) {
     return a.score.evidence > b.score.evidence;
+}
+
+bool isClear(const Found& one) {
+    return one.score.score >= kClearScore && one.score.evidence >= kClearEvidence;
 }
 
 bool alike(const Rigid3& a, const Rigid3& b) {
@@ -102,7 +108,7 @@ class Search {
         const std::size_t first = std::min(lines.size(), kFirstLines);
         std::vector<AxisGuess> guesses = guessesAlong(ridges, std::span(lines).first(first));
         std::vector<Found> found = fitted(ridges, guesses, kFirstGuesses, kFirstStarts);
-        if (found.empty() || found.front().score.score < kClearScore) {
+        if (found.empty() || !isClear(found.front())) {
             const std::vector<AxisGuess> more = guessesAlong(ridges, std::span(lines).subspan(first));
             guesses.insert(guesses.end(), more.begin(), more.end());
             found = fitted(ridges, guesses, kMostGuesses, kMostStarts);
@@ -242,6 +248,25 @@ bool looksBright(const WorkingImage& dark) {
     return count > 0 && squares > 0 && cubes > 0;
 }
 
+Error whyNot(const std::vector<Found>& best, const CorkscrewLayout& layout, const CorkscrewDetectionOptions& options) {
+    const WireScore score = best.empty() ? WireScore{} : best.front().score;
+    if (score.score >= kPartScore && score.visible >= kPartVisible) {
+        return noSolution(
+            kStep,
+            fmt::format("only {:.0f} % of the corkscrew's wires inside the lit field and not behind opaque metal",
+                        100 * score.visible),
+            fmt::format("at least {:.0f} %", 100 * options.least_visible),
+            "move the C-arm or the corkscrew toward the middle of the image");
+    }
+    return noSolution(kStep,
+                      best.empty() ? "no straight line with rings round it"
+                                   : fmt::format("nothing that shows more than {:.0f} % of its wires",
+                                                 100 * std::max(0.0, score.score)),
+                      fmt::format("a shaft of {:.3g} mm with {} rings and a helix round it", 2 * layout.shaft_radius_mm,
+                                  layout.rings.size()),
+                      "check that the corkscrew is in the image and that its layout file is the right one");
+}
+
 }  // namespace
 
 CorkscrewDetection::CorkscrewDetection() : elapsed_ms(std::numeric_limits<double>::quiet_NaN()) {}
@@ -277,7 +302,7 @@ Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm,
     if (!dark) return dark.error();
     const bool bright_first = looksBright(*dark);
     for (const bool second : {false, true}) {
-        if (progress.isCancelled()) return cancelled("corkscrew detection");
+        if (progress.isCancelled()) return cancelled(kStep);
         progress.report(second ? 0.5 : 0.05, "looking for the corkscrew");
         const bool bright = bright_first != second;
         Result<WorkingImage> working = bright ? workingImage(image, carm, pixel_mm, true) : std::move(dark);
@@ -289,28 +314,12 @@ Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm,
         }
         if (!best.empty() && best.front().score.score >= kSureScore) break;
     }
-    const std::string wanted = fmt::format("a shaft of {:.3g} mm with {} rings and a helix round it",
-                                           2 * layout.shaft_radius_mm, layout.rings.size());
-    if (best.empty() || !(best.front().score.score >= kLeastScore)) {
-        return noSolution("corkscrew detection",
-                          best.empty() ? "no straight line with rings round it"
-                                       : fmt::format("nothing that shows more than {:.0f} % of its wires",
-                                                     100 * best.front().score.score),
-                          wanted, "check that the corkscrew is in the image and that its layout file is the right one");
-    }
-    if (!(best.front().score.visible >= options.least_visible)) {
-        return noSolution(
-            "corkscrew detection",
-            fmt::format("only {:.0f} % of the corkscrew's wires inside the lit field and not behind opaque metal",
-                        100 * best.front().score.visible),
-            fmt::format("at least {:.0f} %", 100 * options.least_visible),
-            "move the C-arm or the corkscrew toward the middle of the image");
-    }
     for (const Found& one : best) {
         if (one.score.evidence < kLeastOfBest * best.front().score.evidence) break;
-        if (one.score.visible < options.least_visible) continue;
-        detection.candidates.push_back({one.pose, one.score.score, one.score.visible});
+        if (one.score.score >= kLeastScore && one.score.visible >= options.least_visible)
+            detection.candidates.push_back({one.pose, one.score.score, one.score.visible});
     }
+    if (detection.candidates.empty()) return whyNot(best, layout, options);
     progress.report(1, "corkscrew found");
     detection.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return detection;
