@@ -28,6 +28,7 @@ struct Jacobian {
     std::vector<std::uint32_t> pixels;
     std::vector<float> rows;  // pixels.size() x kUnknowns
     Rigid3 pose;              // where it was taken
+    Followers followers = Followers::Zero();
 };
 
 struct Weighted {

@@ -32,12 +32,12 @@ constexpr double kFarPx = 0.4;        // moved so far, derivatives are taken ane
 
 Followers expectedFollowers() {
     Followers at;
-    at << 1, 1, 1, 1, 0.55, 0.05;
+    at << 1, 1, 1, 1, 0.55, 0.15;
     return at;
 }
 Followers followersSigma() {
     Followers sigma;
-    sigma << 0.3, 0.3, 0.3, 0.3, 0.3, 0.1;
+    sigma << 0.3, 0.3, 0.3, 0.3, 0.3, 0.15;
     return sigma;
 }
 Followers withinLimits(Followers at) {
@@ -155,6 +155,7 @@ class ImageFit {
             if (part > kPlaysAPart && usable_[p]) out.jacobian.pixels.push_back(static_cast<std::uint32_t>(p));
         }
         out.jacobian.pose = state.pose;
+        out.jacobian.followers = state.followers;
         out.jacobian.rows.resize(out.jacobian.pixels.size() * kUnknowns);
         parallelFor(kUnknowns, 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t k = begin; k < end; ++k) {
@@ -324,6 +325,12 @@ std::array<Image, 2> gradientOf(const Image& log_predicted) {
     return {highPassed(gradient[0]), highPassed(gradient[1])};
 }
 
+// Stray light and gains change how much everything pulls.
+bool derivativesHold(const Followers& then, const Followers& now) {
+    const auto alike = [&](int k, double of) { return std::abs(now[k] - then[k]) < of; };
+    return alike(pedestal, 0.3 * (then[pedestal] + 0.03)) && alike(wire, 0.2) && alike(shaft, 0.2);
+}
+
 double movedPx(const Rigid3& from, const Rigid3& to, const CArm& carm, const CorkscrewLayout& layout) {
     const Vector6 step = to.deltaFrom(from);
     const double magnification = carm.focal_length_mm / to.translation().z() / carm.pixel_mm.mean();
@@ -355,7 +362,8 @@ Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const C
     Row right;
     for (fit.iterations = 0; fit.iterations < kMostIterations; ++fit.iterations) {
         if (progress.isCancelled()) return cancelled(kStep);
-        if (fit.iterations == 0 || movedPx(at.jacobian.pose, state.pose, carm, layout) > kFarPx) {
+        if (fit.iterations == 0 || movedPx(at.jacobian.pose, state.pose, carm, layout) > kFarPx ||
+            !derivativesHold(at.jacobian.followers, state.followers)) {
             at = work.linearised(state, Derivatives::pose);
         } else {
             at.predicted = work.predicted(state);

@@ -151,7 +151,8 @@ class CorkscrewPredictor::Strip {
         const int width = predictor.rays_.region().width;
         begin_ = std::clamp(static_cast<int>(std::floor(left)) - 1, 0, width);
         end_ = std::clamp(static_cast<int>(std::ceil(right)) + 2, begin_, width);
-        fine_width_ = (end_ - begin_) * samples_;
+        // Whole vectors: rows of samples are a multiple of kRowStep, the last ones beyond the right border.
+        fine_width_ = ((end_ - begin_) * samples_ + kRowStep - 1) / kRowStep * kRowStep;
         plane_size_ = static_cast<std::size_t>(fine_width_) * static_cast<std::size_t>(rows_ * samples_);
         if (!empty()) lookAlong();
     }
@@ -255,7 +256,7 @@ class CorkscrewPredictor::Strip {
     // Kept by each thread from strip to strip: to ask the system for it again takes longer than to fill it.
     struct Memory {
         std::vector<const Placed*> here;
-        std::vector<float> x, y, lengths, forces, transmission, motions, nowhere, between, sums;
+        std::vector<float> x, y, lengths, forces, transmission, motions, nowhere, between, sums, rod_x, rod_y;
     };
     static Memory& memory() {
         static thread_local Memory memory;
@@ -293,6 +294,8 @@ class CorkscrewPredictor::Strip {
                         out[i * samples_ + s] = at[0] + std::abs(aside) * (at[step] - at[0]);
                     }
                 }
+                for (int i = (end_ - begin_) * samples_; i < fine_width_; ++i)
+                    out[i] = out[i - 1];
             }
         }
     }
@@ -310,22 +313,31 @@ class CorkscrewPredictor::Strip {
             const double y = first_row_ - 0.5 + (r + 0.5) * step;
             int begin, end;
             piece.columns(y, 0.5 * step, samples_, begin_ * samples_, end_ * samples_, begin, end);
-            if (begin < end) body(fine(begin_, r) + static_cast<std::size_t>(begin - begin_ * samples_), end - begin);
+            begin = (begin - begin_ * samples_) / kRowStep * kRowStep;
+            end = (end - begin_ * samples_ + kRowStep - 1) / kRowStep * kRowStep;
+            if (begin < end) body(fine(begin_, r) + static_cast<std::size_t>(begin), end - begin);
         }
     }
 
     void drawRod(float* length) {
         std::vector<float>& sums = memory_.sums;
         for (int row = 0; row < rows_; ++row) {
-            sums.assign(static_cast<std::size_t>(end_ - begin_), 0.0f);
-            const float *x = predictor_.rays_.rowX(first_row_ + row), *y = predictor_.rays_.rowY(first_row_ + row);
+            const int width = (end_ - begin_ + kRowStep - 1) / kRowStep * kRowStep;
+            sums.assign(static_cast<std::size_t>(width), 0.0f);
+            std::vector<float>&x = memory_.rod_x, &y = memory_.rod_y;
+            x.assign(static_cast<std::size_t>(width), 0.0f);
+            y.assign(static_cast<std::size_t>(width), 0.0f);
+            std::copy_n(predictor_.rays_.rowX(first_row_ + row) + begin_, end_ - begin_, x.begin());
+            std::copy_n(predictor_.rays_.rowY(first_row_ + row) + begin_, end_ - begin_, y.begin());
             for (const Placed* piece : memory_.here) {
                 if (piece->part != rod) continue;
                 int begin, end;
                 piece->columns(first_row_ + row, 0.5, 1, begin_, end_, begin, end);
                 if (begin >= end) continue;
-                memory_.nowhere.resize(std::max(memory_.nowhere.size(), static_cast<std::size_t>(end - begin)));
-                rowKernels().lengths(piece->view, x + begin, y + begin, end - begin, sums.data() + (begin - begin_),
+                begin = (begin - begin_) / kRowStep * kRowStep;
+                end = (end - begin_ + kRowStep - 1) / kRowStep * kRowStep;
+                memory_.nowhere.resize(std::max(memory_.nowhere.size(), static_cast<std::size_t>(width)));
+                rowKernels().lengths(piece->view, x.data() + begin, y.data() + begin, end - begin, sums.data() + begin,
                                      memory_.nowhere.data());
             }
             for (int s = 0; s < samples_; ++s) {

@@ -26,6 +26,7 @@ struct PieceInView {
     float half_sample = 0;          // half the width of a sample at the piece, mm
 };
 
+constexpr int kRowStep = 8;  // counts of lengths, forces and motions are multiples of it
 constexpr int kMostMotions = 4;
 constexpr int kForces = 9;  // F (3), (x - origin) x F (3), F_x x + F_y y, F_x z, F_y z
 

@@ -137,6 +137,7 @@ template <bool kSphere>
 void lengthsOf(const PieceInView& piece, const float* __restrict x, const float* __restrict y, int count,
                float* __restrict length, float* __restrict displaced) {
     const PieceInView p = piece;
+    count &= -kRowStep;
     for (int i = 0; i < count; ++i) {
         const Chord c = chord<kSphere, false>(p, x[i], y[i]);
         length[i] += c.length;
@@ -152,6 +153,7 @@ template <bool kSphere>
 void forcesOf(const PieceInView& piece, const float* __restrict x, const float* __restrict y, int count, float weight,
               float* __restrict length, float* __restrict displaced, float* const* forces) {
     const PieceInView p = piece;
+    count &= -kRowStep;
     float* __restrict f0 = forces[0];
     float* __restrict f1 = forces[1];
     float* __restrict f2 = forces[2];
@@ -192,6 +194,7 @@ template <bool kSphere>
 void motionsOf(const PieceInView& piece, const float* __restrict x, const float* __restrict y, int count, float weight,
                const float (*velocity)[3], float* const* planes) {
     const PieceInView p = piece;
+    count &= -kRowStep;
     float v[kMostMotions][3];
     for (int k = 0; k < kMostMotions; ++k)
         for (int i = 0; i < 3; ++i)
