@@ -19,12 +19,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Of all angles that are nearly as good as the best, the one that turns the C-arm least.
 constexpr double kNearlyAsGood = 1.03;
-
-Matrix6 turned(const Matrix3& rotation) {
-    Matrix6 both = Matrix6::Zero();
-    both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = rotation;
-    return both;
-}
+constexpr double kHardlyBetter = 0.9;
 
 // The measurement seen from the imager turned by `rotation`; own errors are the mean of those at hand.
 PoseMeasurement fromElsewhere(const PoseMeasurement& measured, const Matrix6& own, const Matrix3& rotation,
@@ -35,7 +30,14 @@ PoseMeasurement fromElsewhere(const PoseMeasurement& measured, const Matrix6& ow
     for (std::size_t i = 0; i < measured.parameters.size(); ++i) {
         if (problem.parameters[measured.parameters[i]].of_imager) continue;
         const auto column = static_cast<Eigen::Index>(i);
-        forecast.sensitivity.col(column) = turned(rotation) * measured.sensitivity.col(column);
+        // Across the beam and in rotation it goes with the object; in depth it is an error of scale: along any beam.
+        Vector6 effect = measured.sensitivity.col(column);
+        const double depth = effect[2];
+        effect[2] = 0;
+        effect.head<3>() = rotation * effect.head<3>();
+        effect.tail<3>() = rotation * effect.tail<3>();
+        effect[2] += depth;
+        forecast.sensitivity.col(column) = effect;
     }
     return forecast;
 }
@@ -105,8 +107,9 @@ class Forecaster {
         };
         view.turn_rad = M_PI;
         for (std::size_t i = 0; i + 1 < all_.size(); ++i) {
-            const double cosine = beam(i).dot(beam(all_.back()));
-            view.turn_rad = std::min(view.turn_rad, std::acos(std::clamp(cosine, -1.0, 1.0)));
+            // From the other side is from the same direction.
+            const double cosine = std::abs(beam(i).dot(beam(all_.back())));
+            view.turn_rad = std::min(view.turn_rad, std::acos(std::min(cosine, 1.0)));
         }
         return view;
     }
@@ -158,20 +161,35 @@ Result<NextView> adviseNextView(const ChainProblem& problem, const NextViewOptio
             result.grid.push_back(forecaster.forecast({i * options.step_rad, j * options.step_rad}));
     }
     double least = std::numeric_limits<double>::infinity();
+    const auto differs = [&](const ForecastView& view) { return view.turn_rad >= options.least_turn_rad - 1e-9; };
     for (const ForecastView& view : result.grid)
-        least = std::min(least, view.worst_sigma_mm);
+        if (differs(view)) least = std::min(least, view.worst_sigma_mm);
     const ForecastView* best = nullptr;
     for (const ForecastView& view : result.grid) {
-        if (view.worst_sigma_mm <= kNearlyAsGood * least && (!best || view.turn_rad < best->turn_rad)) best = &view;
+        if (differs(view) && view.worst_sigma_mm <= kNearlyAsGood * least && (!best || view.turn_rad < best->turn_rad))
+            best = &view;
     }
     if (!best) {
-        return noSolution("next view", "no angles with a finite covariance", "measurements that determine the chain");
+        return noSolution(
+            "next view", "no angles within the C-arm's limits that differ from the views at hand",
+            fmt::format("some at least {:.0f} degrees from each", degreesFromRadians(options.least_turn_rad)),
+            "allow the C-arm to turn farther");
     }
     result.best = *best;
     result.best_radius95_mm = errorRadius(best->point_covariance_mm2);
     const Result<Chain> then = solveChain(forecaster.with(best->angles), as_it_is);
     if (!then) return then.error();
     result.largest_term = then->terms[then->points[0].largest_first.front()].text();
+    if (best->worst_sigma_mm > kHardlyBetter * result.worst_sigma_mm) {
+        result.sentence = fmt::format(
+            "No further view helps much: the error of the {} in its worst direction falls from {:.2g} to {:.2g} mm "
+            "(one "
+            "standard deviation) at best, at orbital {:.0f}, angulation {:.0f} degrees, because {} contributes most.",
+            options.target.name, result.worst_sigma_mm, best->worst_sigma_mm,
+            degreesFromRadians(best->angles.orbital_rad), degreesFromRadians(best->angles.angulation_rad),
+            result.largest_term);
+        return result;
+    }
     result.sentence = fmt::format(
         "Take the next view at orbital {:.0f}, angulation {:.0f} degrees: the error of the {} in its worst direction "
         "falls from {:.2g} to {:.2g} mm (one standard deviation), its 95 % radius from {:.2g} to {:.2g} mm; then {} "

@@ -3,9 +3,9 @@
 // to the chain.
 //
 // What a view from elsewhere would say is taken from the views at hand: its own errors as they are in the imager's axes
-// (depth is the weak direction wherever one looks from), the effect of the imager's parameters likewise, that of the
-// objects' parameters turned with the objects. A better forecast (beads that come into the field, a corkscrew seen end
-// on) may be handed over as a function.
+// (depth is the weak direction wherever one looks from), the effect of the imager's parameters likewise; that of the
+// objects' parameters in depth likewise (an error of scale), across the beam and in rotation turned with the objects. A
+// better forecast (beads that come into the field, a corkscrew seen end on) may be handed over as a function.
 //
 // Angles: of core/imaging/carm_position.h, the C-arm turning about the target point, which keeps its place in the
 // picture. The patient and the robot stay. Covariances do not depend on what will be measured, so that no image is
@@ -34,6 +34,7 @@ struct NextViewOptions {
     CArmAngles reference_angles;        // how the C-arm stood for it; zero: angles are counted from it
     double most_orbital_rad = 1.92;     // 110 degrees, either way
     double most_angulation_rad = 0.61;  // 35 degrees
+    double least_turn_rad = 0.262;      // 15 degrees, from the beams at hand: nearer ones are no second opinion
     double step_rad = 0.0873;           // 5 degrees
     ViewForecast forecast;              // empty: from the views at hand
 
@@ -45,7 +46,7 @@ struct ForecastView {
     Matrix6 covariance;  // of robot_from_femur
     Matrix3 point_covariance_mm2;
     double worst_sigma_mm = 0;
-    double turn_rad = 0;  // between its beam and that of the nearest view at hand
+    double turn_rad = 0;  // between the lines of its beam and that of the nearest view at hand
 };
 
 struct NextView {

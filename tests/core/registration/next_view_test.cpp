@@ -113,12 +113,13 @@ TEST(NextView, ErrorsOfTheObjectsDoNotAverageOut) {
     PoseMeasurement& beads = problem.views[0].imager_from_femur;
     beads.parameters.push_back(3);
     beads.sensitivity.conservativeResize(6, 4);
-    beads.sensitivity.col(3) << beads.pose.target_from_source.rotate(Vector3::UnitX()), Vector3::Zero();
+    beads.sensitivity.col(3) << Vector3::UnitX(), Vector3::Zero();
     const auto advice = adviseNextView(problem, grid());
     ASSERT_OK(advice);
     for (const ForecastView& view : advice->grid)
         EXPECT_GT(view.worst_sigma_mm, 1.99);
     EXPECT_EQ(advice->largest_term, "bead places");
+    EXPECT_THAT(advice->sentence, HasSubstr("No further view helps much"));
 }
 
 }  // namespace
