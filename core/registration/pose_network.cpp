@@ -281,6 +281,22 @@ PoseEvidence evidenceOf(const Rigid3& target_from_source, const Matrix6& covaria
     return evidence;
 }
 
+PoseEvidence withNoise(PoseEvidence evidence, const Matrix6& own_covariance) {
+    const double ratio = (evidence.information.topLeftCorner<6, 6>() * own_covariance).trace() / 6;
+    if (!(ratio > 1)) return evidence;
+    evidence.information /= ratio;
+    evidence.gradient /= ratio;
+    return evidence;
+}
+
+PoseEvidence posesOnly(PoseEvidence evidence) {
+    const Eigen::Index n = evidence.shared.size();
+    const Split parts = split(evidence);
+    evidence.information.bottomRightCorner(n, n) -= parts.shared_information;
+    evidence.gradient.tail(n) -= parts.shared_gradient;
+    return evidence;
+}
+
 PoseNetworkResult solvePoseNetwork(const PoseNetwork& network, const PoseNetworkOptions& options) {
     return Solver(network, options).solve();
 }

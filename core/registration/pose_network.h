@@ -52,6 +52,16 @@ struct PoseFactor {
 // Evidence of a pose that somebody else measured: no shared parameters. The covariance must be positive definite.
 PoseEvidence evidenceOf(const Rigid3& target_from_source, const Matrix6& covariance);
 
+// The same evidence from an image that tells poses only to `own_covariance`, because of more than the noise it knows of
+// (what a distortion map leaves): its information, on the shared parameters too, goes down by the mean ratio of the
+// variances. Never up.
+PoseEvidence withNoise(PoseEvidence evidence, const Matrix6& own_covariance);
+
+// The same evidence without what the image says of the shared parameters by itself, whatever its pose: the pose still
+// follows them, and they are still corrected by poses that have to agree. What one image says of a focal length is a
+// matter of hundredths of a pixel, less than distortion maps and fits are good for.
+PoseEvidence posesOnly(PoseEvidence evidence);
+
 struct PoseNetwork {
     std::vector<Rigid3> poses;  // where the search starts
     Eigen::VectorXd shared;     // and, for the parameters, what is known beforehand

@@ -1,11 +1,14 @@
 // calibrate robot: where the corkscrew sits on the robot's flange, from robot poses and corkscrew poses.
+#include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "app/cli/commands/corkscrew_views.h"
 #include "app/cli/commands/list.h"
 #include "app/cli/files.h"
 #include "app/cli/numbers.h"
@@ -21,6 +24,10 @@ namespace {
 struct Options {
     std::string observations;
     std::string output;
+    std::string refined;  // corkscrew
+    double dimensions_mm = 0.05;
+    double distortion_mm = CalibrationUncertainty{}.distortion_mm;
+    double focal_percent = 0;
     double robot_mm = 0;
     double robot_deg = 0;
     HandEyeOptions calibration;
@@ -40,7 +47,7 @@ nlohmann::ordered_json jsonOf(const NextPose& next) {
 }
 
 Report reportOf(const HandEyeCalibration& result, const std::vector<HandEyeObservation>& observations,
-                const Result<NextPose>& next, const Options& options) {
+                const std::vector<std::string>& parameters, const Result<NextPose>& next, const Options& options) {
     Report report;
     nlohmann::ordered_json residuals = nlohmann::ordered_json::array(), rejected = nlohmann::ordered_json::array(),
                            imagers = nlohmann::ordered_json::array();
@@ -78,6 +85,18 @@ Report reportOf(const HandEyeCalibration& result, const std::vector<HandEyeObser
                    {"weak_directions", result.weak_directions},
                    {"warnings", result.warnings},
                    {"elapsed_ms", result.elapsed_ms}};
+    if (!parameters.empty()) {
+        nlohmann::ordered_json estimated = nlohmann::ordered_json::array();
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            const auto p = static_cast<Eigen::Index>(i);
+            estimated.push_back({{"name", parameters[i]},
+                                 {"change", result.shared.front()[p]},
+                                 {"sd", std::sqrt(result.shared_covariance(p, p))}});
+        }
+        report.json["parameters"] = estimated;
+        report.json["corkscrew"] = options.refined;
+        report.line("corkscrew", options.refined);
+    }
     report.line("pose", options.output);
     report.line("place", listText(pose.target_from_source.translation(), "{:.3f}") +
                              fmt::format(" mm in the flange, +- {:.3f} mm at worst", result.worst_place_mm));
@@ -98,25 +117,93 @@ Report reportOf(const HandEyeCalibration& result, const std::vector<HandEyeObser
     return report;
 }
 
+// What the file's entries say, its images looked at.
+struct Seen {
+    std::vector<HandEyeObservation> observations;
+    std::vector<CorkscrewView> views;  // of the images, when all are
+    std::optional<CorkscrewLayout> layout;
+    SharedPrior prior;
+    std::vector<std::string> warnings;
+};
+
+Result<Seen> look(const HandEyeFile& file, const Options& options, Progress& progress) {
+    Seen seen;
+    const bool refine = !options.refined.empty();
+    if (!file.corkscrew.empty()) {
+        Result<CorkscrewLayout> layout = layoutOf(file.corkscrew.string());
+        if (!layout) return layout.error();
+        seen.layout = std::move(*layout);
+    }
+    CalibrationUncertainty known;
+    if (refine) known.dimensions_mm = options.dimensions_mm;
+    known.distortion_mm = options.distortion_mm;
+    if (refine) known.focal_length = options.focal_percent / 100;
+    for (std::size_t i = 0; i < file.entries.size(); ++i) {
+        const HandEyeEntry& entry = file.entries[i];
+        HandEyeObservation observation = entry.observation;
+        if (entry.image.empty()) {
+            if (refine) {
+                return invalidInput(options.observations + ", " + observation.name, "a pose, with --refine-dimensions",
+                                    "images: a pose says nothing of the corkscrew's dimensions");
+            }
+            seen.observations.push_back(std::move(observation));
+            continue;
+        }
+        const double part = 1 / static_cast<double>(file.entries.size());
+        SubProgress one(progress, part * static_cast<double>(i), part * static_cast<double>(i + 1));
+        Result<CorkscrewView> view = viewOf({entry.image, entry.carm}, *seen.layout, known, one);
+        if (!view) {
+            // An image without a pose is left out like one that contradicts the others; a missing file is not.
+            if (view.error().code != ErrorCode::noSolution) return view.error();
+            seen.warnings.push_back("left out: " + view.error().message());
+            continue;
+        }
+        observation.imager_from_corkscrew = view->pose.imager_from_corkscrew.target_from_source;
+        observation.covariance = view->own_covariance;
+        if (refine) {
+            observation.evidence = view->evidence;
+            seen.prior = priorOf(*seen.layout, view->carm, known, 0);
+            seen.views.push_back(std::move(*view));
+        }
+        seen.observations.push_back(std::move(observation));
+    }
+    return seen;
+}
+
 Result<Report> run(const Options& options, Progress& progress) {
     const Result<HandEyeFile> file = readHandEyeFile(options.observations);
     if (!file) return file.error();
     std::vector<std::filesystem::path> inputs = file->inputs;
     inputs.emplace_back(options.observations);
     if (const Result<void> good = checkOutput(options.output, inputs, {".json"}); !good) return good.error();
+    if (!options.refined.empty()) {
+        if (const Result<void> good = checkOutput(options.refined, inputs, {".json"}); !good) return good.error();
+    }
 
     HandEyeOptions calibration = options.calibration;
     calibration.robot_place_mm = options.robot_mm;
     calibration.robot_rotation_rad = radiansFromDegrees(options.robot_deg);
     calibration.limits.most_rotation_rad = radiansFromDegrees(options.most_rotation_deg);
-    std::vector<HandEyeObservation> observations;
-    for (const HandEyeEntry& entry : file->entries)
-        observations.push_back(entry.observation);
-    Result<HandEyeCalibration> result = calibrateHandEye(observations, calibration, progress);
+    SubProgress looking(progress, 0, 0.8), solving(progress, 0.8, 1);
+    Result<Seen> seen = look(*file, options, looking);
+    if (!seen) return seen.error();
+    std::vector<HandEyeObservation>& observations = seen->observations;
+    if (!options.refined.empty()) {
+        calibration.shared = seen->prior;
+        calibration.relinearise = [&](std::size_t i, const Rigid3& pose, const Eigen::VectorXd& parameters) {
+            return askAgain(seen->views[i], *seen->layout, pose, parameters);
+        };
+    }
+    Result<HandEyeCalibration> result = calibrateHandEye(observations, calibration, solving);
     if (!result) {
         Error error = result.error();
         error.where = options.observations + ", " + error.where;
         return error;
+    }
+    result->warnings.insert(result->warnings.begin(), seen->warnings.begin(), seen->warnings.end());
+    if (options.refined.empty() && seen->layout && result->noise_factor > calibration.limits.most_noise_factor) {
+        result->warnings.emplace_back(
+            "the corkscrew's dimensions may be off: --refine-dimensions estimates them with the calibration");
     }
     // From the last pose taken, with the C-arm where it is then.
     std::size_t imager = 0;
@@ -128,9 +215,14 @@ Result<Report> run(const Options& options, Progress& progress) {
         suggestNextPose(*result, observations.back().robot_from_flange, imager, calibration, further);
     if (!next) result->warnings.push_back(next.error().message());
     if (progress.isCancelled()) return cancelled("calibrate robot");
+    if (!options.refined.empty()) {
+        const CorkscrewLayout refined = withParameters(*seen->layout, result->shared.front());
+        if (const Result<void> valid = refined.validate(); !valid) return valid.error();
+        if (const Result<void> written = writeCorkscrew(options.refined, refined); !written) return written.error();
+    }
     if (const Result<void> written = writePose(options.output, result->flange_from_corkscrew); !written)
         return written.error();
-    return reportOf(*result, observations, next, options);
+    return reportOf(*result, observations, calibration.shared.names, next, options);
 }
 
 }  // namespace
@@ -141,6 +233,21 @@ Command declareCalibrateRobot(CLI::App& parent) {
     app->add_option("--observations", options->observations, "Robot poses and corkscrew poses, fluorocut/hand-eye/1")
         ->required();
     app->add_option("-o,--out", options->output, "flange_from_corkscrew, fluorocut/pose/1: .json")->required();
+    app->add_option("--refine-dimensions", options->refined,
+                    "From images: estimate the corkscrew's dimensions too, and write it, fluorocut/corkscrew/1: .json");
+    app->add_option("--dimension-sd-mm", options->dimensions_mm,
+                    "With it: standard deviation of a dimension as it was made")
+        ->check(between(0.0001, 10))
+        ->capture_default_str();
+    app->add_option("--distortion-mm", options->distortion_mm,
+                    "Of images: standard deviation of what the distortion map leaves, at the detector")
+        ->check(between(0, 10))
+        ->capture_default_str();
+    app->add_option("--focal-percent", options->focal_percent,
+                    "With --refine-dimensions: standard deviation of the calibrated focal length; 0: exact. What the "
+                    "images tell of it is no better than their distortion map")
+        ->check(between(0, 50))
+        ->capture_default_str();
     app->add_option("--robot-sd-mm", options->robot_mm, "Standard deviation of the robot's place, per axis")
         ->check(between(0, 100))
         ->capture_default_str();
@@ -165,9 +272,11 @@ Command declareCalibrateRobot(CLI::App& parent) {
         "    {\"name\": \"1\", \"imager\": \"ap\", \"robot_from_flange\": [[..4],[..4],[..4],[0,0,0,1]],\n"
         "     \"imager_from_corkscrew\": [[..4],[..4],[..4],[0,0,0,1]], \"covariance\": [[..6], ..6]}, ...]}\n"
         "Instead of matrices \"robot_from_flange_file\" and \"imager_from_corkscrew_file\" name poses\n"
-        "(fluorocut/pose/1). \"covariance\" (of imager_from_corkscrew) may be left out: then the noise is estimated.\n"
-        "Example:\n"
-        "  fluorocut-cli calibrate robot --observations poses.json -o flange_from_corkscrew.json");
+        "(fluorocut/pose/1), or \"image\" names a picture, with \"carm\" and \"corkscrew\" beside \"observations\".\n"
+        "\"covariance\" (of imager_from_corkscrew) may be left out: then the noise is estimated.\n"
+        "Examples:\n"
+        "  fluorocut-cli calibrate robot --observations poses.json -o flange_from_corkscrew.json\n"
+        "  fluorocut-cli calibrate robot --observations images.json --refine-dimensions measured.json -o pose.json");
     return {app, [options](Progress& progress) { return run(*options, progress); }};
 }
 

@@ -14,12 +14,13 @@ Command declareDewarp(CLI::App& parent);
 Command declareCalibrate(CLI::App& parent);
 Command declareCalibrateRobot(CLI::App& parent);  // below calibrate
 Command declareRegister(CLI::App& parent);
+Command declareCoregister(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 9> kCommands{declareDrr,       declarePhantom,     declareCutVolume,
-                                                  declareDewarp,    declareCalibrate,   declareRegister,
-                                                  declareFabricate, declarePaperTables, declareInfo};
+inline constexpr std::array<Declare, 10> kCommands{
+    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,      declareCalibrate,
+    declareCoregister, declareRegister, declareFabricate, declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli

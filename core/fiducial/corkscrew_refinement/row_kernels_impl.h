@@ -1,6 +1,4 @@
 // Included by one source per instruction set (row_kernels.h). FLUOROCUT_ISA names its namespace.
-#pragma once
-
 #include <bit>
 #include <cmath>
 #include <cstdint>

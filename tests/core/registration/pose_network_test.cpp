@@ -144,6 +144,40 @@ TEST(PoseNetworkTest, SharedParametersAreSolvedWithThePoses) {
     EXPECT_LT((result.covariance - information.inverse()).norm(), 1e-3 * result.covariance.norm());
 }
 
+TEST(PoseNetworkTest, EvidenceIsWeakenedToTheNoiseThatIsKnownOfOtherwise) {
+    Random random(6);
+    const Matrix6 covariance = anyCovariance(random, 0.1, 1e-3);
+    PoseEvidence evidence = evidenceOf(anyPose(random), covariance);
+    evidence.gradient = normals(random, 1, 1);
+    const PoseEvidence weaker = withNoise(evidence, 9 * covariance);
+    EXPECT_LT((weaker.covariance() - 9 * covariance).norm(), 1e-9 * covariance.norm());
+    // The same answer from less.
+    EXPECT_LT(weaker.poseGiven({}).deltaFrom(evidence.poseGiven({})).norm(), 1e-9);
+    EXPECT_EQ(withNoise(evidence, 0.5 * covariance).information, evidence.information);
+}
+
+// One image alone leaves the parameters where they were, however much it pulls; its pose follows them as before.
+TEST(PoseNetworkTest, PosesOnlyLeavesTheParametersToOthers) {
+    Random random(7);
+    PoseEvidence evidence;
+    Eigen::MatrixXd jacobian(12, 8);
+    for (double& value : jacobian.reshaped())
+        value = random.normal();
+    evidence.shared = Eigen::VectorXd::Zero(2);
+    evidence.information = jacobian.transpose() * jacobian;
+    evidence.gradient = 1e-4 * Eigen::VectorXd::LinSpaced(8, 1, 3);
+    PoseNetwork network;
+    network.poses = {Rigid3::identity()};
+    network.shared = Eigen::VectorXd::Zero(2);
+    network.shared_information = Eigen::MatrixXd::Identity(2, 2);
+    network.factors = {{{PoseStep::unknown(0)}, posesOnly(evidence), {0, 1}, 1}};
+    const PoseNetworkResult result = solvePoseNetwork(network);
+    EXPECT_LT(result.shared.norm(), 1e-12);
+    EXPECT_LT((result.covariance.bottomRightCorner<2, 2>() - Matrix2::Identity()).norm(), 1e-9);
+    EXPECT_LT((posesOnly(evidence).sensitivity() - evidence.sensitivity()).norm(), 1e-12);
+    EXPECT_LT(result.poses[0].deltaFrom(evidence.poseGiven(evidence.shared)).norm(), 1e-7);
+}
+
 TEST(PoseNetworkTest, AGrossErrorHardlyMovesTheRobustSolution) {
     Random random(5);
     const Rigid3 truth = anyPose(random);
