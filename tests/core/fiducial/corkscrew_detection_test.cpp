@@ -133,6 +133,50 @@ TEST(CorkscrewDetection, RefusesAnImageWithoutACorkscrew) {
     EXPECT_NE(constant.error().message().find("one grey value"), std::string::npos) << constant.error().message();
 }
 
+TEST(CorkscrewDetection, SaysSoWhenHalfOfItIsOutside) {
+    // Its middle 12 mm beyond the image's border: some 40 % of its wires are inside.
+    CorkscrewView view = viewOf("corkscrew", poseOf(40, 20, 5, {67, -4, 700}));
+    const auto detection = detectCorkscrew(pictureOf(view), view.carm, view.layout);
+    ASSERT_FALSE(detection);
+    EXPECT_EQ(detection.error().code, ErrorCode::noSolution);
+    EXPECT_NE(detection.error().message().find("of the corkscrew's wires inside"), std::string::npos)
+        << detection.error().message();
+}
+
+TEST(CorkscrewDetection, FindsItThoughAThirdIsOutside) {
+    CorkscrewView view = viewOf("corkscrew", poseOf(40, 20, 5, {42, -4, 700}));
+    const auto detection = detectCorkscrew(pictureOf(view), view.carm, view.layout);
+    ASSERT_TRUE(detection) << detection.error().message();
+    EXPECT_TRUE(holds(*detection, view.imager_from_corkscrew));
+    EXPECT_LT(detection->candidates.front().visible, 0.8);
+}
+
+// Pictures that are nothing: whatever is said, it is said soon.
+TEST(CorkscrewDetection, RefusesNoiseAndLatticesOfAnySize) {
+    const CorkscrewLayout layout = layoutNamed("corkscrew");
+    for (const int size : {48, 200, 512, 3000}) {
+        CArm carm;
+        carm.columns = carm.rows = size;
+        carm.pixel_mm = {164.0 / size, 164.0 / size};
+        carm.principal_point_px = {0.5 * (size - 1), 0.5 * (size - 1)};
+        Image noise(size, size), lattice(size, size);
+        Random random(5);
+        const double period = 9.0 / carm.pixel_mm.x();  // grooves of a plate, magnified
+        for (int y = 0; y < size; ++y) {
+            for (int x = 0; x < size; ++x) {
+                noise(x, y) = static_cast<float>(random.uniform(0, 4000));
+                const bool groove = std::fmod(x, period) < 0.25 * period || std::fmod(y, period) < 0.25 * period;
+                lattice(x, y) = (groove ? 1070.0F : 1000.0F) + static_cast<float>(random.uniform(-30, 30));
+            }
+        }
+        for (const Image* image : {&noise, &lattice}) {
+            const auto detection = detectCorkscrew(*image, carm, layout);
+            ASSERT_FALSE(detection) << size;
+            EXPECT_EQ(detection.error().code, ErrorCode::noSolution) << size;
+        }
+    }
+}
+
 TEST(CorkscrewDetection, RefusesWhatIsNoImageOfThisCArm) {
     const CorkscrewLayout layout = layoutNamed("corkscrew");
     const CArm carm;
