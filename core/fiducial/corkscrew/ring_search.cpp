@@ -61,6 +61,11 @@ class EllipseScores {
         const Strip strip(ridges, foot, line.along(), line.normal(), first - half, places + 2 * half, half);
         scores_.resize(static_cast<std::size_t>(sizes_ * kRatios) * static_cast<std::size_t>(places));
         std::vector<std::uint16_t> sums(static_cast<std::size_t>(places));
+        std::array<double, kAround> sines{}, cosines{};
+        for (std::size_t i = 0; i < kAround; ++i) {
+            sines[i] = std::sin(2 * std::numbers::pi * (static_cast<double>(i) + 0.5) / kAround);
+            cosines[i] = std::cos(2 * std::numbers::pi * (static_cast<double>(i) + 0.5) / kAround);
+        }
         for (int size = 0; size < sizes_; ++size) {
             const double a = least_px * std::pow(kSizeStep, size);
             for (int ratio = 0; ratio < kRatios; ++ratio) {
@@ -68,13 +73,14 @@ class EllipseScores {
                 std::fill(sums.begin(), sums.end(), std::uint16_t{0});
                 int samples = 0;
                 for (int i = 0; i < kAround; ++i) {
-                    const double angle = 2 * std::numbers::pi * (i + 0.5) / kAround;
-                    const double across = -a * std::sin(angle), along = b * std::cos(angle);
-                    if (std::hypot(across, along) < kLeastSpeed * a) continue;
+                    const double sine = sines[static_cast<std::size_t>(i)],
+                                 cosine = cosines[static_cast<std::size_t>(i)];
+                    const double across = -a * sine, along = b * cosine;
+                    if (across * across + along * along < kLeastSpeed * kLeastSpeed * a * a) continue;
                     const Vector2 tangent = across * line.normal() + along * line.along();
-                    const std::uint8_t* in = strip.row(directionOf(tangent.x(), tangent.y()),
-                                                       static_cast<int>(std::lround(a * std::cos(angle)))) +
-                                             half + std::lround(b * std::sin(angle));
+                    const std::uint8_t* in =
+                        strip.row(directionOf(tangent.x(), tangent.y()), static_cast<int>(std::lround(a * cosine))) +
+                        half + std::lround(b * sine);
                     for (int s = 0; s < places; ++s)
                         sums[static_cast<std::size_t>(s)] =
                             static_cast<std::uint16_t>(sums[static_cast<std::size_t>(s)] + in[s]);
@@ -104,10 +110,39 @@ class EllipseScores {
     std::vector<std::int16_t> scores_;
 };
 
+// Adds what a ring is worth to the scores of all places of the pattern, which it follows as gain * place + shift.
+void addRing(const EllipseScores& ellipses, int size, double gain, double shift, double along, double away,
+             double foot_px, std::vector<int>& scores) {
+    constexpr int kBlock = 32;  // places within which the ellipse's flatness stays
+    const int steps = static_cast<int>(scores.size()), first = ellipses.first(), places = ellipses.places();
+    const int step = static_cast<int>(gain * kPlaceStepPx * 65536);  // 16 bits after the point
+    for (int begin = 0; begin < steps; begin += kBlock) {
+        const double start = gain * (first + begin * kPlaceStepPx) + shift - first + 0.5;
+        const double stop = start + gain * kPlaceStepPx * kBlock;
+        if (!(stop >= 1 && start <= places - 1)) continue;
+        const double middle = 0.5 * (start + stop) + first;
+        const double cosine =
+            std::abs(along * middle + away * foot_px) / std::sqrt(middle * middle + foot_px * foot_px);
+        const std::int16_t* row =
+            ellipses.row(size, std::min(static_cast<int>(cosine / kRatioStep + 0.5), kRatios - 1));
+        const int end = std::min(begin + kBlock, steps);
+        int at = static_cast<int>(std::floor(start * 65536));
+        int* out = scores.data();
+        if (start >= 0 && stop < places) {
+            for (int i = begin; i < end; ++i, at += step)
+                out[i] += row[at >> 16];
+            continue;
+        }
+        for (int i = begin; i < end; ++i, at += step) {
+            const int place = at >> 16;
+            if (place >= 0 && place < places) out[i] += row[place];
+        }
+    }
+}
+
 struct Guess {
     int score = 0;  // kFull per ring
-    double depth_mm = 0, roll_rad = 0, place_px = 0;
-    int sense = 1;
+    int depth = 0, roll = 0, place = 0, sense = 0;
 };
 
 }  // namespace
@@ -147,45 +182,29 @@ std::vector<AxisGuess> ringPatterns(const RidgeMap& ridges, const CArm& ideal, c
     const int depths = static_cast<int>(std::ceil(std::log(far_mm / near_mm) / std::log(kDepthStep))) + 1;
     const int rolls = 2 * static_cast<int>(std::ceil(options.steepest_rad / kRollStep)) + 1;
     const int steps = places / kPlaceStepPx;
-    const int place_bins = steps / kPlacesPerBin + 1;
-    std::vector<Guess> best(static_cast<std::size_t>(place_bins * 2 * kDepthBins * kRollBins));
+    const int place_bins = (steps - 1) / kPlacesPerBin + 1;
+    std::vector<Guess> best(static_cast<std::size_t>(2 * kDepthBins * kRollBins * place_bins));
     std::vector<int> scores(static_cast<std::size_t>(steps));
     for (int d = 0; d < depths; ++d) {
         const double depth = near_mm * std::pow(kDepthStep, d);
         for (int r = 0; r < rolls; ++r) {
-            const double roll = (r - rolls / 2) * kRollStep;
-            for (int sense = -1; sense <= 1; sense += 2) {
+            const double roll = (r - rolls / 2) * kRollStep, along = std::cos(roll), away = std::sin(roll);
+            for (int sense = 0; sense < 2; ++sense) {
                 std::fill(scores.begin(), scores.end(), 0);
                 for (const CorkscrewRing& ring : layout.rings) {
-                    const double x = sense * ring.x_mm;
-                    const double ring_depth = depth + x * std::sin(roll);
-                    const double gain = depth / ring_depth, shift = foot_px * x * std::cos(roll) / ring_depth;
-                    const int size = ellipses.sizeIndex(ring.radius_mm * foot_px / ring_depth);
-                    for (int begin = 0; begin < steps; begin += 16) {
-                        const int end = std::min(begin + 16, steps);
-                        const double middle = gain * (first + (begin + 8) * kPlaceStepPx) + shift;
-                        const double cosine =
-                            std::abs(std::cos(roll) * middle + std::sin(roll) * foot_px) / std::hypot(middle, foot_px);
-                        const int ratio = std::min(static_cast<int>(cosine / kRatioStep + 0.5), kRatios - 1);
-                        const std::int16_t* row = ellipses.row(size, ratio);
-                        // Place within the row, 16 bits after the point.
-                        const double start = gain * (first + begin * kPlaceStepPx) + shift - first + 0.5;
-                        if (!(std::abs(start) < 16000)) continue;
-                        int at = static_cast<int>(std::floor(start * 65536));
-                        const int step = static_cast<int>(gain * kPlaceStepPx * 65536);
-                        for (int i = begin; i < end; ++i, at += step) {
-                            const int place = at >> 16;
-                            if (place >= 0 && place < places) scores[static_cast<std::size_t>(i)] += row[place];
-                        }
-                    }
+                    const double x = sense == 1 ? ring.x_mm : -ring.x_mm;
+                    const double ring_depth = depth + x * away;
+                    if (!(ring_depth > 0.2 * depth)) continue;
+                    const double gain = depth / ring_depth, shift = foot_px * x * along / ring_depth;
+                    addRing(ellipses, ellipses.sizeIndex(ring.radius_mm * foot_px / ring_depth), gain, shift, along,
+                            away, foot_px, scores);
                 }
-                const int depth_bin = d * kDepthBins / depths, roll_bin = r * kRollBins / rolls;
+                Guess* kept =
+                    best.data() +
+                    ((sense * kDepthBins + d * kDepthBins / depths) * kRollBins + r * kRollBins / rolls) * place_bins;
                 for (int i = 0; i < steps; ++i) {
-                    const int score = scores[static_cast<std::size_t>(i)];
-                    Guess& kept = best[static_cast<std::size_t>(
-                        ((i / kPlacesPerBin * 2 + (sense > 0)) * kDepthBins + depth_bin) * kRollBins + roll_bin)];
-                    if (score > kept.score)
-                        kept = {score, depth, roll, static_cast<double>(first + i * kPlaceStepPx), sense};
+                    if (scores[static_cast<std::size_t>(i)] > kept[i / kPlacesPerBin].score)
+                        kept[i / kPlacesPerBin] = {scores[static_cast<std::size_t>(i)], d, r, i, sense};
                 }
             }
         }
@@ -200,14 +219,15 @@ std::vector<AxisGuess> ringPatterns(const RidgeMap& ridges, const CArm& ideal, c
     for (const Guess& guess : best) {
         if (guess.score <= 0 || static_cast<int>(guesses.size()) >= most) break;
         const bool known = std::any_of(chosen.begin(), chosen.end(), [&](const Guess& other) {
-            return other.sense == guess.sense && std::abs(other.place_px - guess.place_px) < 3 &&
-                   std::abs(other.roll_rad - guess.roll_rad) < 1.5 * kRollStep &&
-                   std::abs(other.depth_mm / guess.depth_mm - 1) < 1.5 * (kDepthStep - 1);
+            return other.sense == guess.sense && std::abs(other.place - guess.place) <= 1 &&
+                   std::abs(other.roll - guess.roll) <= 1 && std::abs(other.depth - guess.depth) <= 1;
         });
         if (known) continue;
         chosen.push_back(guess);
-        const Vector3 axis = guess.sense * (std::cos(guess.roll_rad) * along + std::sin(guess.roll_rad) * away);
-        const Vector3 middle = guess.depth_mm * (guess.place_px / foot_px * along + away);
+        const double roll = (guess.roll - rolls / 2) * kRollStep, depth = near_mm * std::pow(kDepthStep, guess.depth);
+        const double place = first + guess.place * kPlaceStepPx;
+        const Vector3 axis = (guess.sense == 1 ? 1 : -1) * (std::cos(roll) * along + std::sin(roll) * away);
+        const Vector3 middle = depth * (place / foot_px * along + away);
         const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(Vector3::UnitX(), axis);
         guesses.push_back({Rigid3(turn, middle), static_cast<double>(guess.score) / kFull});
     }

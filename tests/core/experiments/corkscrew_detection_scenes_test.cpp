@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "core/experiments/corkscrew_scenes.h"
@@ -53,7 +54,7 @@ Tally tallyOf(const CorkscrewSceneOptions& options, int scenes) {
         if (detection && holds(*detection, scene->imager_from_corkscrew))
             ++tally.found;
         else
-            tally.missed += " " + std::to_string(i);
+            tally.missed += fmt::format(" {}", i);
     }
     return tally;
 }
