@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "app/cli/command.h"
+#include "core/base/acceptance.h"
 #include "core/fiducial/femur_beads.h"
 #include "core/imaging/carm.h"
 #include "core/registration/registration_file.h"
@@ -43,6 +44,11 @@ struct ChainInput {
     std::vector<std::string> at;
 };
 void declareInput(CLI::App& app, ChainInput& input);
-Result<RegistrationFile> measure(const ChainInput& input, Progress& progress);
+struct Measured {
+    RegistrationFile file;
+    std::vector<std::string> warnings;  // of the images
+    Acceptance acceptance;              // of corkscrew and beads in them; nothing for a file
+};
+Result<Measured> measure(const ChainInput& input, Progress& progress);
 
 }  // namespace fluorocut::cli

@@ -27,8 +27,9 @@ nlohmann::ordered_json jsonOf(const ForecastView& view) {
 }
 
 Result<Report> run(const Options& options, Progress& progress) {
-    const Result<RegistrationFile> file = measure(options.input, progress);
-    if (!file) return file.error();
+    const Result<Measured> measured = measure(options.input, progress);
+    if (!measured) return measured.error();
+    const RegistrationFile* file = &measured->file;
     NextViewOptions next;
     if (!file->points.empty()) next.target = file->points.front();
     next.reference = static_cast<std::size_t>(options.reference - 1);
@@ -53,8 +54,11 @@ Result<Report> run(const Options& options, Progress& progress) {
                    {"next_covariance", rowsOf(advice->best.covariance)},
                    {"largest_term_then", advice->largest_term},
                    {"sentence", advice->sentence},
-                   {"grid", grid}};
+                   {"grid", grid},
+                   {"warnings", measured->warnings}};
     report.line("advice", advice->sentence);
+    for (const std::string& one : measured->warnings)
+        report.line("warning", one);
     return report;
 }
 

@@ -116,21 +116,24 @@ Report reportOf(const Chain& chain, const RegistrationFile& file, const Options&
 }
 
 Result<Report> run(const Options& options, Progress& progress) {
-    Result<RegistrationFile> file = measure(options.input, progress);
-    if (!file) return file.error();
+    const Result<Measured> measured = measure(options.input, progress);
+    if (!measured) return measured.error();
+    const RegistrationFile* file = &measured->file;
     if (!options.output.empty()) {
         if (const Result<void> good = checkOutput(options.output, file->inputs, {".json"}); !good) return good.error();
     }
     ChainOptions chain_options = options.chain;
     if (!file->points.empty()) chain_options.points = file->points;
     chain_options.least_view_angle_rad = radiansFromDegrees(options.least_angle_deg);
-    const Result<Chain> chain = solveChain(file->problem, chain_options);
+    Result<Chain> chain = solveChain(file->problem, chain_options);
     if (!chain) {
         Error error = chain.error();
         if (error.code == ErrorCode::invalidInput && !options.input.measurements.empty())
             error.where = options.input.measurements + ", " + error.where;
         return error;
     }
+    chain->warnings.insert(chain->warnings.begin(), measured->warnings.begin(), measured->warnings.end());
+    chain->acceptance.insert(chain->acceptance.end(), measured->acceptance.begin(), measured->acceptance.end());
     if (!options.output.empty()) {
         if (const Result<void> written = writePose(options.output, chain->robot_from_femur); !written)
             return written.error();

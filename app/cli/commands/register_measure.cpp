@@ -58,7 +58,7 @@ class Parameters {
 
 // The corkscrew's pose with the errors that are this image's alone; how it follows the shared ones is the evidence's.
 Result<PoseMeasurement> seenCorkscrew(const ViewFiles& files, const CArm& carm, const CorkscrewLayout& layout,
-                                      Progress& progress) {
+                                      Measured& result, Progress& progress) {
     const Result<ImageFile> image = readImage(files.image);
     if (!image) return image.error();
     CorkscrewPoseOptions options;
@@ -69,13 +69,19 @@ Result<PoseMeasurement> seenCorkscrew(const ViewFiles& files, const CArm& carm, 
         error.where = files.image + ", " + error.where;
         return error;
     }
+    for (Judgement judgement : pose->acceptance) {
+        judgement.what = "corkscrew in " + files.image + ", " + judgement.what;
+        result.acceptance.push_back(std::move(judgement));
+    }
+    for (const std::string& warning : pose->warnings)
+        result.warnings.push_back("Corkscrew in " + files.image + ": " + warning);
     PoseMeasurement seen;
     seen.pose = pose->imager_from_corkscrew;
     seen.sensitivity = pose->evidence.sensitivity();
     return seen;
 }
 
-Result<RegistrationFile> fromImages(const ChainInput& input, Progress& progress) {
+Result<Measured> fromImages(const ChainInput& input, Progress& progress) {
     const Result<std::vector<ViewFiles>> files = filesOf(input.views);
     if (!files) return files.error();
     const Result<std::filesystem::path> corkscrew_file = findResource("fiducials", input.corkscrew);
@@ -90,7 +96,8 @@ Result<RegistrationFile> fromImages(const ChainInput& input, Progress& progress)
     BeadUncertainty known = input.uncertainty;
     known.focal_length = input.focal_percent / 100;
 
-    RegistrationFile result;
+    Measured measured;
+    RegistrationFile& result = measured.file;
     result.inputs = {*corkscrew_file, input.beads, input.flange_from_corkscrew};
     ChainProblem& problem = result.problem;
     problem.flange_from_corkscrew = *mount;
@@ -114,7 +121,7 @@ Result<RegistrationFile> fromImages(const ChainInput& input, Progress& progress)
         }
         Result<FemurView> femur = beadViewOf({view_files.image, view_files.carm}, *beads, input.bright, detecting);
         if (!femur) return femur.error();
-        Result<PoseMeasurement> seen = seenCorkscrew(view_files, femur->carm, *corkscrew, looking);
+        Result<PoseMeasurement> seen = seenCorkscrew(view_files, femur->carm, *corkscrew, measured, looking);
         if (!seen) return seen.error();
         view.imager_from_corkscrew = std::move(*seen);
         view.imager_from_corkscrew.parameters = parameters.ofImager(view_files.carm, known);
@@ -136,6 +143,8 @@ Result<RegistrationFile> fromImages(const ChainInput& input, Progress& progress)
     if (!femur) return femur.error();
     if (!femur->rejected.empty())
         return noSolution("beads", femur->rejected.front(), "the femur's beads in every view");
+    measured.warnings.insert(measured.warnings.end(), femur->warnings.begin(), femur->warnings.end());
+    measured.acceptance.insert(measured.acceptance.end(), femur->acceptance.begin(), femur->acceptance.end());
     const std::vector<std::string> names = beadParameters(*beads);
     for (std::size_t i = 0; i < problem.views.size(); ++i) {
         const FemurViewPose& pose = femur->views[i];
@@ -149,7 +158,7 @@ Result<RegistrationFile> fromImages(const ChainInput& input, Progress& progress)
     for (const Bead& bead : beads->beads)
         middle += bead.center_mm / static_cast<double>(beads->beads.size());
     result.points = {{"beads' middle", middle}};
-    return result;
+    return measured;
 }
 
 }  // namespace
@@ -192,7 +201,7 @@ void declareInput(CLI::App& app, ChainInput& input) {
         ->allow_extra_args(false);
 }
 
-Result<RegistrationFile> measure(const ChainInput& input, Progress& progress) {
+Result<Measured> measure(const ChainInput& input, Progress& progress) {
     Result<std::vector<NamedPoint>> points = pointsOf(input.at);
     if (!points) return points.error();
     if (input.measurements.empty() && input.views.empty())
@@ -203,12 +212,19 @@ Result<RegistrationFile> measure(const ChainInput& input, Progress& progress) {
             if (value.empty()) return invalidOption(option, "nothing", "a file, with --view");
         }
     }
-    Result<RegistrationFile> file =
-        input.views.empty() ? readRegistration(input.measurements) : fromImages(input, progress);
-    if (!file) return file.error();
-    if (input.views.empty()) file->inputs.emplace_back(input.measurements);
-    if (!points->empty()) file->points = std::move(*points);
-    return file;
+    Measured measured;
+    if (input.views.empty()) {
+        Result<RegistrationFile> file = readRegistration(input.measurements);
+        if (!file) return file.error();
+        measured.file = std::move(*file);
+        measured.file.inputs.emplace_back(input.measurements);
+    } else {
+        Result<Measured> seen = fromImages(input, progress);
+        if (!seen) return seen.error();
+        measured = std::move(*seen);
+    }
+    if (!points->empty()) measured.file.points = std::move(*points);
+    return measured;
 }
 
 }  // namespace fluorocut::cli
