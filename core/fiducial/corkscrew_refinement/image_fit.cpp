@@ -8,6 +8,7 @@
 
 #include "core/base/median.h"
 #include "core/base/parallel.h"
+#include "core/fiducial/corkscrew_refinement/detector_blur.h"
 #include "core/fiducial/corkscrew_refinement/fit_support.h"
 #include "core/fiducial/corkscrew_refinement/high_pass.h"
 #include "core/fiducial/corkscrew_refinement/image_evidence.h"
@@ -110,8 +111,7 @@ class ImageFit {
 
     Image predicted(const State& state) const {
         const PredictedImage image = predictor_.predict(state.pose, gains(state.followers), Derivatives::none);
-        return highPassed(
-            logPredicted(gaussianBlurred(image.transmission, std::sqrt(state.followers[blur])), state.followers));
+        return highPassed(logPredicted(detectorBlurred(image.transmission, state.followers[blur]), state.followers));
     }
 
     struct Linearised {
@@ -125,8 +125,8 @@ class ImageFit {
     Linearised linearised(const State& state, Derivatives derivatives) const {
         Linearised out;
         out.image = predictor_.predict(state.pose, gains(state.followers), derivatives);
-        const double sigma = std::sqrt(state.followers[blur]);
-        const Image blurred = gaussianBlurred(out.image.transmission, sigma);
+        const double variance = state.followers[blur];
+        const Image blurred = detectorBlurred(out.image.transmission, variance);
         out.log_predicted = logPredicted(blurred, state.followers);
         out.predicted = highPassed(out.log_predicted);
         out.inverse = blurred;
@@ -137,7 +137,7 @@ class ImageFit {
         parallelFor(kUnknowns, 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t k = begin; k < end; ++k) {
                 if (k < 6 + kParts) {
-                    columns[k] = column(k < 6 ? out.image.pose[k] : out.image.gains[k - 6], sigma, out.inverse);
+                    columns[k] = column(k < 6 ? out.image.pose[k] : out.image.gains[k - 6], variance, out.inverse);
                 } else if (k == 6 + blur) {
                     columns[k] = timesInverse(halfLaplacian(blurred), out.inverse);
                 } else {
@@ -169,7 +169,7 @@ class ImageFit {
 
     // d log(predicted) / d what images share, high-passed, at the pixels that play a part: pixels x parameters.
     std::vector<float> shared(const Linearised& at, const State& state) const {
-        const double sigma = std::sqrt(state.followers[blur]);
+        const double variance = state.followers[blur];
         const std::vector<std::uint32_t>& pixels = at.jacobian.pixels;
         const std::size_t parameters = 3 + static_cast<std::size_t>(predictor_.solid().dimensions);
         std::vector<float> rows(pixels.size() * parameters, 0.0f);
@@ -178,7 +178,7 @@ class ImageFit {
             Image inverse(box.width, box.height);
             for (int y = 0; y < box.height; ++y)
                 std::copy_n(at.inverse.row(box.y + y) + box.x, box.width, inverse.row(y));
-            const Image high = highPassed(column(plane, sigma, inverse));
+            const Image high = highPassed(column(plane, variance, inverse));
             for (std::size_t i = 0; i < pixels.size(); ++i) {
                 const int x = static_cast<int>(pixels[i]) % region_.width - box.x;
                 const int y = static_cast<int>(pixels[i]) / region_.width - box.y;
@@ -207,8 +207,8 @@ class ImageFit {
     }
 
     // A derivative of the transmission, blurred, as one of the logarithm.
-    static Image column(const Image& derivative, double sigma, const Image& inverse) {
-        return timesInverse(gaussianBlurred(derivative, sigma), inverse);
+    static Image column(const Image& derivative, double variance, const Image& inverse) {
+        return timesInverse(detectorBlurred(derivative, variance), inverse);
     }
     static Image timesInverse(Image values, const Image& inverse) {
         for (std::size_t i = 0; i < values.size(); ++i)

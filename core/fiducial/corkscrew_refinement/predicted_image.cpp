@@ -226,6 +226,12 @@ class CorkscrewPredictor::Strip {
                 }
             }
             float* target = out.row(y) + (left - box.x);
+            if (samples_ == 2) {  // the usual, in vectors
+                for (int x = 0; x < right - left; ++x)
+                    target[x] =
+                        share * (sums[static_cast<std::size_t>(2 * x)] + sums[static_cast<std::size_t>(2 * x + 1)]);
+                continue;
+            }
             for (int x = 0; x < right - left; ++x) {
                 float sum = 0;
                 for (int s = 0; s < samples_; ++s)

@@ -45,6 +45,9 @@ struct RowKernels {
     void (*transmission)(const float* const* lengths, const float* coefficients, int parts, int count, float* values);
     // values[i] = log(max(values[i], floor))
     void (*logarithm)(float* values, int count, float floor);
+    // out[i] = sum over -radius <= n <= radius of weights[|n|] * rows[n + radius][i], or * middle[i + n].
+    void (*blurDown)(const float* const* rows, const float* weights, int radius, int count, float* out);
+    void (*blurAlong)(const float* middle, const float* weights, int radius, int count, float* out);
 };
 
 const RowKernels& rowKernels();

@@ -235,9 +235,32 @@ void logarithm(float* __restrict values, int count, float floor) {
         values[i] = logarithmOf(larger(values[i], floor));
 }
 
+void blurDown(const float* const* rows, const float* weights, int radius, int count, float* __restrict out) {
+    const float* __restrict here = rows[radius];
+    for (int i = 0; i < count; ++i)
+        out[i] = weights[0] * here[i];
+    for (int n = 1; n <= radius; ++n) {
+        const float* __restrict above = rows[radius - n];
+        const float* __restrict below = rows[radius + n];
+        const float weight = weights[n];
+        for (int i = 0; i < count; ++i)
+            out[i] += weight * (above[i] + below[i]);
+    }
+}
+
+void blurAlong(const float* __restrict middle, const float* weights, int radius, int count, float* __restrict out) {
+    for (int i = 0; i < count; ++i)
+        out[i] = weights[0] * middle[i];
+    for (int n = 1; n <= radius; ++n) {
+        const float weight = weights[n];
+        for (int i = 0; i < count; ++i)
+            out[i] += weight * (middle[i - n] + middle[i + n]);
+    }
+}
+
 }  // namespace
 
 extern const RowKernels kKernels;
-const RowKernels kKernels{FLUOROCUT_ISA_NAME, lengths, forces, motions, transmission, logarithm};
+const RowKernels kKernels{FLUOROCUT_ISA_NAME, lengths, forces, motions, transmission, logarithm, blurDown, blurAlong};
 
 }  // namespace fluorocut::corkscrew::FLUOROCUT_ISA
