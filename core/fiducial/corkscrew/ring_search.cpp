@@ -11,7 +11,7 @@ constexpr double kSizeStep = 1.05;   // of the ellipses' major half axis
 constexpr double kDepthStep = 1.04;  // of the pattern
 constexpr double kRatioStep = 0.06;  // of minor over major axis
 constexpr int kRatios = 17;          // 0 to 0.96
-constexpr double kRollStep = 5 * std::numbers::pi / 180;
+constexpr double kRollStep = 3.5 * std::numbers::pi / 180;
 constexpr int kPlaceStepPx = 2;
 constexpr int kAround = 32;          // samples of an ellipse
 constexpr double kLeastSpeed = 0.3;  // of a sample along it: nearer to the end of an edge-on ring nothing runs along
@@ -113,7 +113,7 @@ class EllipseScores {
 // Adds what a ring is worth to the scores of all places of the pattern, which it follows as gain * place + shift.
 void addRing(const EllipseScores& ellipses, int size, double gain, double shift, double along, double away,
              double foot_px, std::vector<int>& scores) {
-    constexpr int kBlock = 32;  // places within which the ellipse's flatness stays
+    constexpr int kBlock = 16;  // places within which the ellipse's flatness stays
     const int steps = static_cast<int>(scores.size()), first = ellipses.first(), places = ellipses.places();
     const int step = static_cast<int>(gain * kPlaceStepPx * 65536);  // 16 bits after the point
     for (int begin = 0; begin < steps; begin += kBlock) {
