@@ -1,12 +1,13 @@
 // The pose of a corkscrew by fits to an image, from a start near it, in full perspective and in the image's own
 // (distorted) pixels.
 //
-//   refineOnShape   centre lines of shaft, rings and helix (and beads) against ridges of the image; search range
+//   refineOnShape   centre lines of shaft, rings and helix against ridges of the image; search range
 //                   shrinking, robust weights, stretches that overlap or are seen end on left out. Converges from some
 //                   5 degrees and 10 mm of depth.
 //   refineOnImage   predicted against seen image: log intensity = smooth background - sum of gain_k * path length
 //                   through wire, shaft, rod, beads, blurred as intensities; gains, blur and background follow along;
-//                   robust to clutter. Converges from about half a wire's width, and ends at the photon noise.
+//                   robust to clutter. Converges from about half a wire's width, and from 2 degrees by a look at the
+//                   shape first; ends at the photon noise.
 //
 // Both start from a pose and answer with the fit that it leads to; which of several is true is for the caller to judge:
 // by log_likelihood (fits to one image compare by it: all are measured against the same image without a corkscrew), by

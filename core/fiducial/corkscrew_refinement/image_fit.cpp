@@ -29,7 +29,9 @@ constexpr double kLeastVisible = 0.3;
 constexpr int kMostIterations = 12;
 constexpr std::size_t kLeastPixels = 300;
 constexpr double kPlaysAPart = 0.01;  // of a pixel: that much of the logarithm comes of metal
-constexpr double kFarPx = 0.4;        // moved so far, derivatives are taken anew
+constexpr double kNearReachPx = 6, kNearRad = 0.045;
+constexpr double kSmallStep = 0.2;  // standard deviations; the next one would be a tenth of it
+constexpr double kFarPx = 0.4;      // moved so far, derivatives are taken anew
 
 Followers expectedFollowers() {
     Followers at;
@@ -339,6 +341,25 @@ double movedPx(const Rigid3& from, const Rigid3& to, const CArm& carm, const Cor
                             layout.rod_radius_mm * step.tail<3>().norm());
 }
 
+// A start that is off by more than the steps of a fit like: the shape brings it nearer at a tenth of their cost. Not
+// far away: that would be another explanation, which nobody asked for.
+Rigid3 nearerStart(const Image& image, const CArm& carm, const CorkscrewLayout& layout, const Rigid3& start,
+                   const PixelRegion& region, Progress& progress) {
+    const LogImage seen{region, gaussianBlurred(logarithm(image, region), kLastSmoothingPx)};
+    const SeenLines lines = findLines(seen, carm, layout, wirePoints(layout), shaftPoints(layout), start, kNearReachPx);
+    CorkscrewFit at_start;
+    rate(at_start, lines);
+    std::vector<double> offsets;
+    for (const SeenPoint& point : lines.wire)
+        offsets.push_back(std::abs(point.offset_px));
+    if (!offsets.empty() && median(std::move(offsets)) < kFarPx) return start;
+    const Result<CorkscrewFit> shape = refineOnShape(image, carm, layout, start, progress);
+    if (!shape || !(shape->score > at_start.score)) return start;
+    const Vector6 step = shape->imager_from_corkscrew.deltaFrom(start);
+    const bool near = step.tail<3>().norm() < kNearRad && std::abs(step[2]) < 0.02 * start.translation().z();
+    return near ? shape->imager_from_corkscrew : start;
+}
+
 }  // namespace
 
 Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
@@ -350,11 +371,14 @@ Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const C
         return noSolution(kStep, found, "more of the corkscrew inside the image",
                           "move the corkscrew into the field of view");
     };
-    const PixelRegion region = regionAround(carm, layout, start, kMarginPx);
+    PixelRegion region = regionAround(carm, layout, start, kMarginPx);
+    if (region.width < 32 || region.height < 32) return tooLittle("a corkscrew outside the image");
+    const Rigid3 nearer = nearerStart(image, carm, layout, start, region, progress);
+    region = regionAround(carm, layout, nearer, kMarginPx);
     if (region.width < 32 || region.height < 32) return tooLittle("a corkscrew outside the image");
 
     const ImageFit work(image, carm, layout, region);
-    State state{start};
+    State state{nearer};
     CorkscrewFit fit;
     ImageFit::Linearised at;
     Weighted now;
@@ -385,7 +409,7 @@ Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const C
         state.followers = withinLimits(state.followers + step.tail<kFollowers>());
         if (!(state.pose.translation().z() > layout.rod_radius_mm)) return tooLittle("a fit that ran into the source");
         // A step that is small beside what noise does to the pose.
-        if (sigmas < 0.02 * work.noise().alike_px) {
+        if (sigmas < kSmallStep * kSmallStep * work.noise().alike_px) {
             fit.converged = true;
             ++fit.iterations;
             break;
@@ -393,10 +417,16 @@ Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const C
     }
 
     fit.imager_from_corkscrew = state.pose;
-    at = work.linearised(state, options.evidence ? Derivatives::all : Derivatives::pose);
+    if (options.evidence) {
+        at = work.linearised(state, Derivatives::all);
+    } else {
+        at.predicted = work.predicted(state);
+    }
     now = weighted(work.residuals(at.jacobian.pixels, at.predicted));
-    normalEquations(at.jacobian, now, work.inverseSigma(), normal, right);
-    addPrior(state.followers, work.noise().alike_px, normal, right);
+    if (options.evidence) {
+        normalEquations(at.jacobian, now, work.inverseSigma(), normal, right);
+        addPrior(state.followers, work.noise().alike_px, normal, right);
+    }
     fit.residual = now.scale;
 
     double likelihood = 0;
