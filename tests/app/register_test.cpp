@@ -96,6 +96,14 @@ TEST_F(RegisterTest, ChainFromMeasuredPoses) {
     EXPECT_THAT(json["paths"][0].get<std::string>(), HasSubstr("2026-03-01T09:30:00Z"));
 }
 
+TEST_F(RegisterTest, InfoTellsOfAFileOfMeasurements) {
+    write("m.json", fileOf(scene().problem(nullptr)));
+    const nlohmann::json json = onlyJson(cli({"info", path("m.json"), "--json"}));
+    EXPECT_EQ(json["kind"], "registration");
+    EXPECT_EQ(json["views"].size(), 2);
+    EXPECT_EQ(json["points"][0]["name"], "stem's tip");
+}
+
 TEST_F(RegisterTest, ChainJudgesItsLimits) {
     Random random(3);
     write("m.json", fileOf(scene().problem(&random)));

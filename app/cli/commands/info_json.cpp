@@ -13,6 +13,7 @@
 #include "core/fiducial/corkscrew_layout.h"
 #include "core/io/json_file.h"
 #include "core/io/pose_file.h"
+#include "core/registration/registration_file.h"
 
 namespace fluorocut::cli {
 namespace {
@@ -39,6 +40,22 @@ Report reportOf(const Pose& pose) {
     } else {
         report.json["covariance"] = nullptr;
     }
+    return report;
+}
+
+Report reportOf(const RegistrationFile& file) {
+    Report report;
+    nlohmann::ordered_json views = nlohmann::ordered_json::array(), points = nlohmann::ordered_json::array();
+    for (std::size_t i = 0; i < file.problem.views.size(); ++i) {
+        const std::string& view = file.problem.views[i].name;
+        views.push_back({{"name", view}, {"time", file.times[i]}});
+        report.line("view", file.times[i].empty() ? view : view + ", " + file.times[i]);
+    }
+    for (const NamedPoint& point : file.points) {
+        points.push_back({{"name", point.name}, {"in_femur_mm", arrayOf(point.in_femur)}});
+        report.line("point", point.name + " at " + listText(point.in_femur, "{:.6g}") + " mm in the femur");
+    }
+    report.json = {{"kind", "registration"}, {"format", "JSON"}, {"views", views}, {"points", points}};
     return report;
 }
 
@@ -200,6 +217,7 @@ const std::map<std::string, Reader>& readers() {
         {"fluorocut/plate/1", [](const auto& file) { return reportOrError(readGroovedPlate(file)); }},
         {"fluorocut/corkscrew/1", [](const auto& file) { return reportOrError(readCorkscrew(file)); }},
         {"fluorocut/beads/1", [](const auto& file) { return reportOrError(readBeadLayout(file)); }},
+        {"fluorocut/registration/1", [](const auto& file) { return reportOrError(readRegistration(file)); }},
         {"fluorocut/distortion/1", [](const auto& file) { return reportOrError(readDistortionMap(file)); }},
         {"fluorocut/distortion-set/1", [](const auto& file) { return reportOrError(readDistortionMapSet(file)); }},
     };
