@@ -317,21 +317,21 @@ class Bend : public Distortion {
                 sum[static_cast<Eigen::Index>(axis)] += std::cos(wave.k.dot(at) + wave.phase);
         return kBendMm * std::sqrt(2.0 / kWaves) * sum;
     }
-    static constexpr int kWaves = 60;
+    static constexpr int kWaves = 24;
     std::array<std::array<Wave, kWaves>, 2> waves_;
 };
 
-// Images bent by random smooth fields that the fit does not know: 95 % regions of noise and bend together hold what
+// Maps with errors that are random smooth fields: 95 % regions of noise and bend together hold what
 // they say.
 TEST(CorkscrewRefinement, RegionsHoldThePoseSlow) {
-    Scene scene("corkscrew.json");
+    const Scene scene("corkscrew.json");
     Random random(17);
-    constexpr int kImages = 60;
+    constexpr int kImages = 40;
     int inside = 0;
     double squares = 0;
-    const CArm known = scene.carm;
     for (int i = 0; i < kImages; ++i) {
-        scene.carm.distortion = std::make_shared<Bend>(random);
+        CArm known = scene.carm;  // it is straight; what is known of it is not
+        known.distortion = std::make_shared<Bend>(random);
         const Rigid3 truth = randomPose(random);
         const Image image = scene.shot(truth, 200 + static_cast<std::uint64_t>(i));
         const Result<CorkscrewFit> fit = refineOnImage(image, known, scene.layout, truth);
@@ -342,11 +342,10 @@ TEST(CorkscrewRefinement, RegionsHoldThePoseSlow) {
         inside += distance < 12.592;  // chi-squared, 6 degrees of freedom, 95 %
         squares += distance;
     }
-    // 95 % of 60 with three binomial standard deviations; the mean of chi-squared by its degrees of freedom.
-    EXPECT_GE(inside, 52);
-    EXPECT_NEAR(squares / kImages / 6, 1, 0.35);
+    // 95 % of 40 with three binomial standard deviations; the mean of chi-squared by its degrees of freedom.
+    EXPECT_GE(inside, 34);
+    EXPECT_NEAR(squares / kImages / 6, 1, 0.4);
     RecordProperty("inside", inside);
-    std::printf("inside %d of %d, mean %.3f\n", inside, kImages, squares / kImages / 6);
 }
 
 }  // namespace
