@@ -30,6 +30,7 @@ constexpr std::size_t kImageFits = 3;   // of the best shape fits
 constexpr std::size_t kTwinFits = 3;
 constexpr double kTwinOverlap = 0.55;
 constexpr double kTrackedScore = 0.75;  // below it the previous pose was no start
+constexpr double kTrackedRmsPx = 0.3;   // above it neither: right fits lie below 0.2, wrong ones near 0.5
 constexpr double kFocalSigmas = 6;      // and kFocalShare: the image contradicts the focal length
 constexpr double kFocalShare = 0.05;
 
@@ -104,8 +105,8 @@ class Estimate {
             Result<CorkscrewFit> fit =
                 refineOnImage(*image_, carm_, layout_, shape->imager_from_corkscrew, withEvidence());
             // Not asked: fit->converged. In clutter its last steps stay above the noise (pixels change sides), without
-            // harm.
-            if (!(fit && fit->score >= kTrackedScore)) continue;
+            // harm. Lines that are met only roughly are those of another twist.
+            if (!(fit && fit->score >= kTrackedScore && fit->rms_px <= kTrackedRmsPx)) continue;
             explanations_ = {{std::move(*fit), true, {}}};
             return true;
         }
