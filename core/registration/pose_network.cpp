@@ -53,9 +53,10 @@ Split split(const PoseEvidence& evidence) {
     const Eigen::LDLT<Matrix6> pose(Matrix6(evidence.information.topLeftCorner<6, 6>()));
     Split result;
     result.at = -pose.solve(Vector6(evidence.gradient.head<6>()));
-    result.follows = -pose.solve(evidence.information.topRightCorner(6, n));
     result.covariance = pose.solve(Matrix6::Identity());
     result.covariance = 0.5 * (result.covariance + result.covariance.transpose()).eval();
+    // Not by the decomposition: it may not solve for no columns at all.
+    result.follows = -result.covariance * evidence.information.topRightCorner(6, n);
     result.shared_information =
         evidence.information.bottomRightCorner(n, n) + evidence.information.bottomLeftCorner(n, 6) * result.follows;
     result.shared_gradient = evidence.gradient.tail(n) + evidence.information.bottomLeftCorner(n, 6) * result.at;
