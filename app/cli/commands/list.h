@@ -13,14 +13,15 @@ Command declareCutVolume(CLI::App& parent);
 Command declareDewarp(CLI::App& parent);
 Command declareCalibrate(CLI::App& parent);
 Command declareCalibrateRobot(CLI::App& parent);  // below calibrate
-Command declareRegister(CLI::App& parent);
+Command declareCorkscrew(CLI::App& parent);
 Command declareCoregister(CLI::App& parent);
+Command declareRegister(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 10> kCommands{
-    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,      declareCalibrate,
+inline constexpr std::array<Declare, 11> kCommands{
+    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,      declareCalibrate, declareCorkscrew,
     declareCoregister, declareRegister, declareFabricate, declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli
