@@ -29,6 +29,8 @@ constexpr double kHopelessScore = 0.3;  // shape fits that far below the best ar
 constexpr std::size_t kImageFits = 3;   // of the best shape fits
 constexpr std::size_t kTwinFits = 3;
 constexpr double kTwinOverlap = 0.55;
+constexpr double kLeastScore = 0.4;     // below it there is no corkscrew
+constexpr double kOtherLayoutPx = 0.6;  // lines met no better are another corkscrew's, or bent
 constexpr double kTrackedScore = 0.75;  // below it the previous pose was no start
 constexpr double kTrackedRmsPx = 0.3;   // above it neither: right fits lie below 0.2, wrong ones near 0.5
 constexpr double kFocalSigmas = 6;      // and kFocalShare: the image contradicts the focal length
@@ -80,6 +82,7 @@ class Estimate {
             if (const Result<void> found = search(progress); !found) return found.error();
         }
         if (progress.isCancelled()) return cancelled(kStep);
+        if (const Result<void> seen = plausible(); !seen) return seen.error();
         if (const Result<void> told = tellApart(); !told) return told.error();
         if (!tracked) {
             Result<CorkscrewFit> best =
@@ -87,7 +90,7 @@ class Estimate {
             if (!best) return best.error();
             explanations_.front().fit = std::move(*best);
         }
-        if (const Result<void> fits = consistent(); !fits) return fits.error();
+        if (const Result<void> fits = perspective(explanations_.front().fit.evidence); !fits) return fits.error();
         progress.report(1, "corkscrew found");
         fill(pose);
         pose.tracked = tracked;
@@ -223,7 +226,6 @@ class Estimate {
 
     // The second best, and whether it is worse.
     Result<void> tellApart() {
-        if (explanations_.empty() || !explanations_.front().by_image) return nothing("no fit to the image that ends");
         if (explanations_.size() < 2) return {};
         const CorkscrewFit& best = explanations_[0].fit;
         const Explanation& other = explanations_[1];
@@ -293,18 +295,26 @@ class Estimate {
     }
 
     // An answer that the layout or the imager's own numbers contradict is none.
-    Result<void> consistent() const {
+    Result<void> plausible() const {
+        if (explanations_.empty() || !explanations_.front().by_image) return nothing("no fit to the image that ends");
         const CorkscrewFit& best = explanations_.front().fit;
+        if (!(best.score >= kLeastScore)) {
+            return nothing(fmt::format("at best {:.0f} % of the wires where they should be", 100 * best.score));
+        }
         if (!(best.visible >= options_.detection.least_visible)) {
             return noSolution(kStep,
                               fmt::format("{:.0f} % of the corkscrew's wires inside the image", 100 * best.visible),
                               fmt::format("at least {:.0f} %", 100 * options_.detection.least_visible),
                               "move the corkscrew or the C-arm so that the rings lie in the field");
         }
-        if (!(best.score >= kHopelessScore + 0.1)) {
-            return noSolution(kStep,
-                              fmt::format("{:.0f} % of the layout's wires where they should be", 100 * best.score),
-                              "most of them", "see that the layout file is that of the corkscrew in the picture");
+        if (!(best.rms_px <= kOtherLayoutPx)) {
+            return noSolution(
+                kStep,
+                fmt::format("something like the corkscrew, whose lines the layout meets only to {:.2f} px",
+                            best.rms_px),
+                fmt::format("{} px", kOtherLayoutPx),
+                "see that the layout file is that of the corkscrew in the picture, and that the C-arm's "
+                "file has its distortion");
         }
         const double depth = best.imager_from_corkscrew.translation().z();
         if (!(depth < carm_.focal_length_mm)) {
@@ -312,7 +322,7 @@ class Estimate {
                               fmt::format("less than the detector's {:.0f} mm", carm_.focal_length_mm),
                               "see that the pixel's size and the focal length are the imager's");
         }
-        return perspective(best.evidence);
+        return {};
     }
 
     // The picture's own perspective gives a focal length (in pixels). It is a weak measurement, but a pixel size that
