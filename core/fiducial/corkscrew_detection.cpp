@@ -1,6 +1,7 @@
 #include "core/fiducial/corkscrew_detection.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -34,7 +35,9 @@ constexpr std::size_t kMostGuesses = 120, kMostStarts = 40;
 constexpr double kClearScore = 0.75, kClearEvidence = 0.3;  // nothing but the corkscrew reaches both
 constexpr double kReachPx = 3;                              // of the first polishing
 constexpr double kTwistedReachPx = 4;
-constexpr std::size_t kTwinned = 3;  // poses whose twins are tried
+constexpr std::size_t kTilted = 4;                                 // poses tried at other tilts, when none is clear
+constexpr std::array<double, 4> kTilts{-0.12, -0.06, 0.06, 0.12};  // rad
+constexpr std::size_t kTwinned = 3;                                // poses whose twins are tried
 constexpr double kLeastScore = 0.4;  // of a corkscrew; hips with screws, clamps and spindles reach 0.39, mostly 0.3
 constexpr double kPartScore = 0.6, kPartVisible = 0.15;  // of a corkscrew that is cut off, to say so
 constexpr double kSureScore = 0.65;                      // no need to try the other polarity
@@ -112,6 +115,7 @@ class Search {
             const std::vector<AxisGuess> more = guessesAlong(ridges, std::span(lines).subspan(first));
             guesses.insert(guesses.end(), more.begin(), more.end());
             found = fitted(ridges, guesses, kMostGuesses, kMostStarts);
+            if (found.empty() || !isClear(found.front())) addTilted(ridges, found);
         }
         addTwins(ridges, found);
         sortDistinct(found, static_cast<std::size_t>(options_.most_candidates));
@@ -188,6 +192,33 @@ class Search {
         return found;
     }
 
+    void addFitted(const RidgeImage& ridges, const std::vector<Rigid3>& starts, int twists,
+                   std::vector<Found>& found) const {
+        std::vector<AxisGuess> guesses(starts.size());
+        parallelFor(starts.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                guesses[i] = alongRings(ridges, starts[i], kTwistedReachPx);
+        });
+        const std::vector<Found> more = polishedTwists(ridges, guesses, twists, kMostStarts);
+        found.insert(found.end(), more.begin(), more.end());
+        sortDistinct(found, kMostStarts);
+    }
+
+    // At a steep roll, rings of a wrong tilt may be caught by the rings beside them.
+    void addTilted(const RidgeImage& ridges, std::vector<Found>& found) const {
+        std::vector<Rigid3> tilted;
+        for (std::size_t i = 0; i < std::min(found.size(), kTilted); ++i) {
+            const Rigid3& pose = found[i].pose;
+            const Vector3 axis = pose.rotate(Vector3::UnitX()), side = (pose.translation().cross(axis)).normalized();
+            const Vector3 middle = pose * Vector3(middle_mm_, 0, 0);
+            for (const double tilt : kTilts) {
+                const Eigen::Quaterniond turn = Eigen::Quaterniond(Eigen::AngleAxisd(tilt, side)) * pose.rotation();
+                tilted.emplace_back(turn, middle - turn * Vector3(middle_mm_, 0, 0));
+            }
+        }
+        addFitted(ridges, tilted, 2, found);
+    }
+
     void addTwins(const RidgeImage& ridges, std::vector<Found>& found) const {
         std::vector<Rigid3> twins;
         for (std::size_t i = 0; i < std::min(found.size(), kTwinned); ++i) {
@@ -196,13 +227,7 @@ class Search {
             for (const Rigid3& twin : {pose, otherRoll(pose, middle_mm_), turned, otherRoll(turned, middle_mm_)})
                 twins.push_back(twin);
         }
-        std::vector<AxisGuess> guesses(twins.size());
-        parallelFor(twins.size(), 1, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i)
-                guesses[i] = alongRings(ridges, twins[i], kTwistedReachPx);
-        });
-        const std::vector<Found> more = polishedTwists(ridges, guesses, 2, 2 * twins.size());
-        found.insert(found.end(), more.begin(), more.end());
+        addFitted(ridges, twins, 2, found);
     }
 
     const CorkscrewLayout& layout_;

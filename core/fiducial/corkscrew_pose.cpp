@@ -1,6 +1,7 @@
 #include "core/fiducial/corkscrew_pose.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -33,8 +34,11 @@ constexpr double kLeastScore = 0.4;     // below it there is no corkscrew
 constexpr double kOtherLayoutPx = 0.6;  // lines met no better are another corkscrew's, or bent
 constexpr double kTrackedScore = 0.75;  // below it the previous pose was no start
 constexpr double kTrackedRmsPx = 0.3;   // above it neither: right fits lie below 0.2, wrong ones near 0.5
-constexpr double kFocalSigmas = 6;      // and kFocalShare: the image contradicts the focal length
-constexpr double kFocalShare = 0.05;
+// Lines met worse than kRoughPx are met with other focal lengths; one that is so much better contradicts the C-arm's.
+constexpr double kRoughPx = 0.12;
+constexpr double kMuchBetter = 0.6;
+constexpr double kFewerLines = 0.03;  // of the score
+constexpr std::array kFocalFactors{0.5, 0.65, 0.8, 1.25, 1.55, 2.0};
 
 bool same(const Rigid3& a, const Rigid3& b) {
     const double depth = std::abs(b.translation().z());
@@ -90,7 +94,7 @@ class Estimate {
             if (!best) return best.error();
             explanations_.front().fit = std::move(*best);
         }
-        if (const Result<void> fits = perspective(explanations_.front().fit.evidence); !fits) return fits.error();
+        if (const Result<void> fits = perspective(); !fits) return fits.error();
         progress.report(1, "corkscrew found");
         fill(pose);
         pose.tracked = tracked;
@@ -325,24 +329,32 @@ class Estimate {
         return {};
     }
 
-    // The picture's own perspective gives a focal length (in pixels). It is a weak measurement, but a pixel size that
-    // is wrong by a factor shows.
-    Result<void> perspective(const PoseEvidence& evidence) const {
-        if (evidence.shared.size() == 0) return {};
-        const Vector6 with_pose = evidence.information.block<6, 1>(0, 6);
-        const Vector6 follows = evidence.information.topLeftCorner<6, 6>().ldlt().solve(with_pose);
-        const double information = evidence.information(6, 6) - with_pose.dot(follows);
-        const double pull = evidence.gradient(6) - follows.dot(evidence.gradient.head<6>());
-        const double wrong = -pull / information;
-        const double sigma = std::hypot(1 / std::sqrt(information), options_.calibration.focal_length);
-        if (!(information > 0) || std::abs(wrong) < kFocalShare || std::abs(wrong) < kFocalSigmas * sigma) return {};
+    // A pixel size or focal length that is wrong by a factor is made up for by the depth, but for the perspective
+    // within the corkscrew: then its lines are met better with another focal length.
+    Result<void> perspective() const {
+        const CorkscrewFit& best = explanations_.front().fit;
+        if (best.rms_px < kRoughPx) return {};
+        std::array<double, kFocalFactors.size()> rms_px;
+        rms_px.fill(std::numeric_limits<double>::infinity());
+        parallelFor(rms_px.size(), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                CArm other = carm_;
+                other.focal_length_mm *= kFocalFactors[i];
+                const Rigid3& pose = best.imager_from_corkscrew;
+                const Rigid3 start(pose.rotation(), pose.translation().cwiseProduct(Vector3(1, 1, kFocalFactors[i])));
+                const Result<CorkscrewFit> fit = refineOnShape(*image_, other, layout_, start);
+                if (fit && fit->score > best.score - kFewerLines) rms_px[i] = fit->rms_px;
+            }
+        });
+        const auto better = std::min_element(rms_px.begin(), rms_px.end());
+        if (!(*better < kMuchBetter * best.rms_px)) return {};
         const double focal_px = carm_.focal_length_mm / carm_.pixel_mm.x();
         return noSolution(kStep,
                           fmt::format("a perspective that asks for a focal length near {:.0f} pixels",
-                                      focal_px * (1 + std::clamp(wrong, -0.9, 9.0))),
+                                      focal_px * kFocalFactors[static_cast<std::size_t>(better - rms_px.begin())]),
                           fmt::format("the C-arm's {:.0f} mm / {:.4g} mm = {:.0f} pixels", carm_.focal_length_mm,
                                       carm_.pixel_mm.x(), focal_px),
-                          "see that pixel size, focal length and layout belong to this image");
+                          "see that the pixel's size and the focal length are those of this image");
     }
 
     void fill(CorkscrewPose& pose) const {

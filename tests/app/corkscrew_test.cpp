@@ -22,8 +22,10 @@ using testing::HasSubstr;
 class CorkscrewCommand : public testing::Test {
   protected:
     std::string path(const std::string& name) const { return (scratch_ / name).string(); }
-    std::string carm() const {
-        EXPECT_OK(writeCArm(scratch_ / "carm.json", CArm()));
+    std::string carm(double pixel_mm = CArm().pixel_mm.x()) const {
+        CArm carm;
+        carm.pixel_mm = Vector2::Constant(pixel_mm);
+        EXPECT_OK(writeCArm(scratch_ / "carm.json", carm));
         return path("carm.json");
     }
     Rigid3 makePicture(const std::vector<std::string>& more = {}) const {
@@ -95,6 +97,13 @@ TEST_F(CorkscrewCommand, RefusesWhatIsNoPictureOfThisCorkscrew) {
     const auto none = cli({"corkscrew", "pose", path("ap.png"), "--carm", carm_file, "--json"});
     EXPECT_EQ(none.exit_code, 4);
     EXPECT_THAT(errorMessage(none, "noSolution"), HasSubstr("corkscrew"));
+}
+
+TEST_F(CorkscrewCommand, RefusesAPixelSizeThatThePerspectiveContradicts) {
+    makePicture({"--roll-deg", "25", "--clutter"});
+    const auto found = cli({"corkscrew", "pose", path("shot.png"), "--carm", carm(0.25), "--json"});
+    EXPECT_EQ(found.exit_code, 4) << found.out;
+    EXPECT_THAT(errorMessage(found, "noSolution"), HasSubstr("pixel's size"));
 }
 
 TEST_F(CorkscrewCommand, NamesTheFileThatDoesNotFit) {

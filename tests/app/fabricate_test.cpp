@@ -114,7 +114,7 @@ TEST_F(Fabricate, OverwritesNothingAndRefusesInWords) {
     EXPECT_EQ(files(scratch_ / "mine"), 1u);
     EXPECT_THAT(message({"plate", "--plate", "nosuch", "-o", path("out")}, 3), HasSubstr("paper"));
     EXPECT_THAT(message({"phantom", "-o", path("out")}, 2), HasSubstr("--layout"));
-    EXPECT_THAT(message({}, 2), HasSubstr("plate or phantom"));
+    EXPECT_THAT(message({}, 2), HasSubstr("plate, phantom or corkscrew"));
     std::ofstream(scratch_ / "tower.json") << R"({"schema": "fluorocut/beads/1", "frame": "phantom", "beads": [
         {"name": "a", "center_mm": [0, 0, 0], "diameter_mm": 3}, {"name": "b", "center_mm": [30, 5, 4], "diameter_mm": 3}]})";
     EXPECT_THAT(message({"phantom", "--layout", path("tower.json"), "-o", path("out")}, 3),

@@ -1,4 +1,6 @@
 // Included by one source per instruction set (row_kernels.h). FLUOROCUT_ISA names its namespace.
+#pragma once
+
 #include <bit>
 #include <cmath>
 #include <cstdint>
