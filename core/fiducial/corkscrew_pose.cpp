@@ -36,9 +36,9 @@ constexpr double kTrackedScore = 0.75;  // below it the previous pose was no sta
 constexpr double kTrackedRmsPx = 0.3;   // above it neither: right fits lie below 0.2, wrong ones near 0.5
 // Lines met worse than kRoughPx are met with other focal lengths; one that is so much better contradicts the C-arm's.
 constexpr double kRoughPx = 0.12;
-constexpr double kMuchBetter = 0.6;
-constexpr double kFewerLines = 0.03;  // of the score
-constexpr std::array kFocalFactors{0.5, 0.65, 0.8, 1.25, 1.55, 2.0};
+constexpr double kMuchBetter = 0.4;
+constexpr double kFewerLines = 0.03;                                       // of the score
+constexpr std::array kFocalFactors{1.0, 0.5, 0.65, 0.8, 1.25, 1.55, 2.0};  // the C-arm's own first
 
 bool same(const Rigid3& a, const Rigid3& b) {
     const double depth = std::abs(b.translation().z());
@@ -347,7 +347,8 @@ class Estimate {
             }
         });
         const auto better = std::min_element(rms_px.begin(), rms_px.end());
-        if (!(*better < kMuchBetter * best.rms_px)) return {};
+        // Against the lines' own fit: that of the image serves the image, not them.
+        if (!(*better < kMuchBetter * std::min(rms_px[0], best.rms_px))) return {};
         const double focal_px = carm_.focal_length_mm / carm_.pixel_mm.x();
         return noSolution(kStep,
                           fmt::format("a perspective that asks for a focal length near {:.0f} pixels",
