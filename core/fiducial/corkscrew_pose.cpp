@@ -140,11 +140,12 @@ class Estimate {
         fitImages(shapes, kImageFits);
         explanations_ = std::move(shapes);
         sortByLikelihood();
-        return addTwins();
+        addTwins();
+        return {};
     }
 
     // What the answer may be mistaken for is fitted too, unless a fit has already been there.
-    Result<void> addTwins() {
+    void addTwins() {
         const Rigid3 answer = explanations_.front().fit.imager_from_corkscrew;
         std::vector<Rigid3> starts;
         std::vector<std::string> kinds;
@@ -163,7 +164,6 @@ class Estimate {
         for (Explanation& one : shapes)
             add(std::move(one));
         sortByLikelihood();
-        return {};
     }
 
     std::vector<Explanation> fitShapes(const std::vector<Rigid3>& starts, const std::vector<std::string>& kinds) const {

@@ -10,6 +10,7 @@
 
 #include "app/cli/commands/list.h"
 #include "app/cli/files.h"
+#include "app/cli/numbers.h"
 #include "app/cli/options.h"
 #include "core/base/units.h"
 #include "core/distortion/distortion_map.h"
@@ -148,22 +149,6 @@ BeadDetectionOptions detectionOptions(const Options& options, const BeadLayout& 
     detection.least_diameter_px = std::clamp(0.6 * least / pixel_mm, 2.0, 100.0);
     detection.most_diameter_px = std::clamp(2.5 * most / pixel_mm, 2 * detection.least_diameter_px, 300.0);
     return detection;
-}
-
-nlohmann::ordered_json arrayOf(const Vector2& v) {
-    return {v.x(), v.y()};
-}
-
-template <class Matrix>
-nlohmann::ordered_json rowsOf(const Matrix& matrix) {
-    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-        nlohmann::ordered_json row = nlohmann::ordered_json::array();
-        for (Eigen::Index j = 0; j < matrix.cols(); ++j)
-            row.push_back(matrix(i, j));
-        rows.push_back(std::move(row));
-    }
-    return rows;
 }
 
 nlohmann::ordered_json jsonOf(const CalibratedView& view, const BeadLayout& layout) {

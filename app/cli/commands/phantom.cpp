@@ -8,6 +8,7 @@
 #include "app/cli/commands/list.h"
 #include "app/cli/commands/phantom_images.h"
 #include "app/cli/files.h"
+#include "app/cli/numbers.h"
 #include "core/base/units.h"
 #include "core/io/volume_file.h"
 #include "core/simulation/acrylic_phantom.h"
@@ -17,10 +18,6 @@ namespace fluorocut::cli {
 namespace {
 
 const std::vector<std::string> kExtensions{".mha", ".nrrd", ".nii", ".nii.gz"};
-
-nlohmann::ordered_json arrayOf(const Vector3& v) {
-    return {v.x(), v.y(), v.z()};
-}
 
 Result<Report> save(const Volume& ct, const std::string& output, Progress& progress) {
     if (progress.isCancelled()) return cancelled("phantom");
