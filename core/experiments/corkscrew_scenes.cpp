@@ -8,20 +8,14 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/base/random.h"
-#include "core/geometry/primitives.h"
-#include "core/imaging/mesh_projector.h"
-#include "core/imaging/standard_views.h"
-#include "core/imaging/volume_projector.h"
 #include "core/imaging/xray_physics.h"
-#include "core/simulation/calibration_objects.h"
+#include "core/simulation/closed_form_projection.h"
 #include "core/simulation/corkscrew_objects.h"
-#include "core/simulation/femur_phantom.h"
 
 namespace fluorocut {
 namespace {
@@ -42,19 +36,6 @@ struct Part {
     PathLengths path_lengths;
     double mu_per_mm = 0;
 };
-
-PathLengths pathsThrough(TriangleMesh mesh) {
-    auto projector = std::make_shared<const MeshProjector>(MeshProjector::prepare(std::move(mesh)).value());
-    return [projector](const CArm& carm, const Rigid3& imager_from_mesh, const MeshProjectionOptions& how) {
-        return projector->project(carm, imager_from_mesh, how);
-    };
-}
-
-void add(Image& sum, const Image& image, double factor) {
-    const float times = static_cast<float>(factor);
-    for (std::size_t i = 0; i < sum.size(); ++i)
-        sum.pixels()[i] += times * image.pixels()[i];
-}
 
 // The C-arm with factor x factor pixels in each of its own: the inverse of CArm::binned.
 CArm divided(CArm carm, int factor) {
@@ -92,25 +73,6 @@ std::optional<CArm> windowAround(const CorkscrewLayout& layout, const CArm& carm
     return carm.cropped(corner.x(), corner.y(), size.x() + 1, size.y() + 1);
 }
 
-std::string counted(std::size_t count, const std::string& what) {
-    return count == 1 ? what : fmt::format("{} {}s", count, what);
-}
-
-// In front of the imager: the point that pixel `at_px` sees at that depth.
-Vector3 placeAt(const CArm& carm, const Vector2& at_px, double depth_mm) {
-    return carm.detectorPoint(at_px) * (depth_mm / carm.focal_length_mm);
-}
-
-Rigid3 anyTurn(Random& random) {
-    const Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
-    return {turn.normalized(), Vector3::Zero()};
-}
-
-Vector2 anyPixel(const CArm& carm, double share, Random& random) {
-    return {carm.columns * (0.5 + 0.5 * share * random.uniform(-1, 1)),
-            carm.rows * (0.5 + 0.5 * share * random.uniform(-1, 1))};
-}
-
 }  // namespace
 
 Result<void> CorkscrewSceneOptions::validate() const {
@@ -120,6 +82,17 @@ Result<void> CorkscrewSceneOptions::validate() const {
         if (const Result<void> good = carm->validate(); !good) return good;
     }
     const double focal_length_mm = carm ? carm->focal_length_mm : imager.focal_length_mm;
+    if (beads) {
+        if (const Result<void> good = beads->validate(); !good) return good;
+        for (const Bead& bead : beads->beads) {
+            const double depth_mm = (imager_from_beads * bead.center_mm).z();
+            if (depth_mm > bead.diameter_mm && depth_mm < focal_length_mm) continue;
+            return invalidOption("imager_from_beads",
+                                 fmt::format("bead {} {:.4g} mm in front of the source", bead.name, depth_mm),
+                                 fmt::format("all beads between source and detector (0 to {:g} mm)", focal_length_mm));
+        }
+    }
+    if (const Result<void> good = clutter.validate(); !good) return good;
     return requireRanges({{"imagers", static_cast<double>(imagers), 1, 1000, ""},
                           {"most_roll_rad", most_roll_rad, 0, 1.5, "rad"},
                           {"most_pitch_rad", most_pitch_rad, 0, std::numbers::pi, "rad"},
@@ -129,11 +102,6 @@ Result<void> CorkscrewSceneOptions::validate() const {
                           {"most_covered", most_covered, 0, 1, ""},
                           {"photons", photons, 1, 1e7, ""},
                           {"blur_px", blur_px, 0, 20, "px"},
-                          {"clutter.hip", clutter.hip, 0, 1, ""},
-                          {"clutter.screws", clutter.screws, 0, 1, ""},
-                          {"clutter.clamp", clutter.clamp, 0, 1, ""},
-                          {"clutter.spindle", clutter.spindle, 0, 1, ""},
-                          {"clutter.retractor", clutter.retractor, 0, 1, ""},
                           {"inverted", inverted, 0, 1, ""},
                           {"dimension_error", dimension_error, 0, 1, "mm"}});
 }
@@ -165,23 +133,17 @@ struct CorkscrewScenes::Shared {
     CorkscrewSceneOptions options;
     std::vector<SimulatedImager> imagers;
     std::vector<Part> corkscrew;
-    std::optional<VolumeProjector> hip;
-    Vector3 hip_center = Vector3::Zero();  // near the lesser trochanter, in `femur`
-    PathLengths screw, clamp, retractor;
+    ClutterStock stock;
 
     // What lies in one picture beside the corkscrew.
     struct Setting {
         std::size_t imager = 0;
         Rigid3 imager_from_corkscrew;  // as drawn, in the true imager's frame
-        std::optional<Rigid3> imager_from_hip;
-        std::vector<std::pair<const PathLengths*, Rigid3>> steel;
-        std::optional<std::pair<PathLengths, Rigid3>> spindle;  // corkscrew_from_spindle
+        PlacedClutter clutter;
         bool inverted = false;
-        std::string objects;
     };
     // About this pose (in the true imager's frame), or about one that is drawn.
     Result<Setting> draw(std::uint64_t index, const std::optional<Rigid3>& imager_from_corkscrew = {}) const;
-    void drawClutter(Setting& setting, Random random) const;
     Result<Rigid3> drawPose(const SimulatedImager& imager, Random random) const;
     Result<CorkscrewScene> picture(std::uint64_t index, const Setting& setting, const Rigid3& imager_from_corkscrew,
                                    std::uint64_t exposure) const;
@@ -242,7 +204,9 @@ Result<CorkscrewScenes::Shared::Setting> CorkscrewScenes::Shared::draw(
     setting.imager_from_corkscrew = *pose;
 
     for (std::uint64_t attempt = 0; attempt < 50; ++attempt) {
-        drawClutter(setting, streamOf(options.seed, Stream::clutter).fork(index).fork(attempt));
+        Random random = streamOf(options.seed, Stream::clutter).fork(index).fork(attempt);
+        setting.clutter = stock.draw(imager.truth, options.layout, *pose, random);
+        setting.inverted = random.uniform() < options.inverted;
         if (covered(setting, *pose, steelMm(setting, *pose)) <= options.most_covered) return setting;
     }
     return noSolution("corkscrew scene", "clutter over the corkscrew in 50 draws",
@@ -250,80 +214,17 @@ Result<CorkscrewScenes::Shared::Setting> CorkscrewScenes::Shared::draw(
                       "allow a larger most_covered or less clutter");
 }
 
-void CorkscrewScenes::Shared::drawClutter(Setting& setting, Random random) const {
-    setting.imager_from_hip.reset();
-    setting.steel.clear();
-    setting.spindle.reset();
-    const Rigid3& pose = setting.imager_from_corkscrew;
-    const CArm& carm = imagers[setting.imager].truth;
-    std::vector<std::string> objects;
-    const auto happens = [&](double likelihood) { return random.uniform() < likelihood; };
-    if (happens(options.clutter.hip)) {
-        const Rigid3 view = standardView(StandardView::ap, hip_center, 0.65 * carm.focal_length_mm);
-        const Vector3 shift(random.uniform(-35, 35), random.uniform(-35, 35), random.uniform(-20, 20));
-        const Rigid3 turn = Rigid3::fromRotationVector({0, 0, random.uniform(-0.6, 0.6)}) *
-                            Rigid3::fromRotationVector({random.uniform(-0.4, 0.4), random.uniform(-1.2, 1.2), 0});
-        const Rigid3 about = Rigid3::fromTranslation({0, 0, 0.65 * carm.focal_length_mm});
-        setting.imager_from_hip = Rigid3::fromTranslation(shift) * about * turn * about.inverse() * view;
-        objects.push_back("hip");
-    }
-    if (happens(options.clutter.screws)) {
-        const std::size_t count = 1 + random.below(3);
-        for (std::size_t i = 0; i < count; ++i) {
-            const Vector3 tip =
-                placeAt(carm, anyPixel(carm, 0.8, random), random.uniform(600, 740) / 1000 * carm.focal_length_mm);
-            setting.steel.emplace_back(&screw, Rigid3::fromTranslation(tip) * anyTurn(random));
-        }
-        objects.push_back(counted(count, "screw"));
-    }
-    if (happens(options.clutter.clamp)) {
-        const Vector3 pin = placeAt(carm, anyPixel(carm, 0.9, random), 0.6 * carm.focal_length_mm);
-        const Rigid3 lying = Rigid3::fromRotationVector({random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), 0}) *
-                             Rigid3::fromRotationVector({0, 0, random.uniform(-std::numbers::pi, std::numbers::pi)});
-        setting.steel.emplace_back(&clamp, Rigid3::fromTranslation(pin) * lying);
-        objects.push_back("clamp");
-    }
-    if (happens(options.clutter.spindle)) {
-        constexpr double kLengthMm = 120;
-        const double radius = random.uniform(6, 8);
-        const bool in_line = random.uniform() < 0.5;
-        const double angle = random.uniform(-std::numbers::pi, std::numbers::pi);
-        const double aside = in_line ? 0 : options.layout.rod_radius_mm + radius + random.uniform(2, 15);
-        const double from_x = in_line ? std::max(options.layout.shaft_x_mm[1], options.layout.rod_x_mm[1])
-                                      : options.layout.rod_x_mm[0] + random.uniform(-40, 60);
-        const Vector3 middle(from_x + 0.5 * kLengthMm, aside * std::cos(angle), aside * std::sin(angle));
-        setting.spindle.emplace(
-            pathsThrough(makeCylinder(radius, kLengthMm, 96)),
-            Rigid3::fromTranslation(middle) * Rigid3::fromRotationVector({0, 0.5 * std::numbers::pi, 0}));
-        objects.push_back(in_line ? "spindle in line" : "spindle beside");
-    }
-    if (happens(options.clutter.retractor)) {
-        // Over a point of the corkscrew's axis, nearer to the source, across it more or less.
-        const CorkscrewLayout& layout = options.layout;
-        const double x = random.uniform(layout.rod_x_mm[0], layout.rod_x_mm[1]);
-        const Vector3 over = pose * Vector3(x, 0, 0);
-        const Vector3 along = pose.rotate(Vector3::UnitX());
-        const double across = std::atan2(along.y(), along.x()) + 0.5 * std::numbers::pi + random.uniform(-0.6, 0.6);
-        setting.steel.emplace_back(&retractor, Rigid3::fromTranslation(0.85 * over) *
-                                                   Rigid3::fromRotationVector({0, 0, across}) *
-                                                   Rigid3::fromTranslation({random.uniform(-30, 30), 0, 0}));
-        objects.push_back("retractor");
-    }
-    setting.inverted = happens(options.inverted);
-    setting.objects = fmt::format("{}", fmt::join(objects, ", "));
-}
-
-// Path lengths, once per pixel.
+// Path lengths through steel, of the beads too.
 Image CorkscrewScenes::Shared::steelMm(const Setting& setting, const Rigid3& imager_from_corkscrew) const {
-    const CArm& carm = imagers[setting.imager].truth;
-    Image sum(carm.columns, carm.rows);
-    for (const auto& [paths, imager_from_object] : setting.steel)
-        add(sum, (*paths)(carm, imager_from_object, {}), 1);
-    if (setting.spindle) {
-        const auto& [paths, corkscrew_from_spindle] = *setting.spindle;
-        add(sum, paths(carm, imager_from_corkscrew * corkscrew_from_spindle, {}), 1);
+    const SimulatedImager& imager = imagers[setting.imager];
+    Image steel_mm = stock.steelMm(setting.clutter, imager.truth, imager_from_corkscrew);
+    if (options.beads) {
+        addScaled(steel_mm,
+                  spherePathLengths(*options.beads, imager.truth,
+                                    imager.known_from_true.inverse() * options.imager_from_beads),
+                  1);
     }
-    return sum;
+    return steel_mm;
 }
 
 // Share of the wires' visible length.
@@ -350,7 +251,7 @@ void CorkscrewScenes::Shared::addCorkscrew(Image& line_integrals, const CArm& ca
     const CArm fine = divided(*window, kSamples);
     Image t(fine.columns, fine.rows);
     for (const Part& part : corkscrew)
-        add(t, part.path_lengths(fine, imager_from_corkscrew, {}), part.mu_per_mm);
+        addScaled(t, part.path_lengths(fine, imager_from_corkscrew, {}), part.mu_per_mm);
     const auto rows = static_cast<std::size_t>(window->rows);
     parallelFor(rows, 16, [&](std::size_t begin, std::size_t end) {
         for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
@@ -393,9 +294,8 @@ Result<CorkscrewScene> CorkscrewScenes::Shared::picture(std::uint64_t index, con
     const SimulatedImager& imager = imagers[setting.imager];
     const CArm& carm = imager.truth;
     const Image steel_mm = steelMm(setting, imager_from_corkscrew);
-    Image line_integrals =
-        setting.imager_from_hip ? hip->project(carm, *setting.imager_from_hip) : Image(carm.columns, carm.rows);
-    add(line_integrals, steel_mm, attenuationPerMm(Material::steel));
+    Image line_integrals = stock.tissue(setting.clutter, carm);
+    addScaled(line_integrals, steel_mm, attenuationPerMm(Material::steel));
     // Automatic brightness, set without the corkscrew: pictures of one setting have one dose.
     std::vector<double> lit;
     for (int y = 0; y < line_integrals.height(); y += 4)
@@ -431,7 +331,7 @@ Result<CorkscrewScene> CorkscrewScenes::Shared::picture(std::uint64_t index, con
     scene.inverted = setting.inverted;
     scene.imager = setting.imager;
     scene.map_error_mm = imager.map_error_mm;
-    scene.objects = setting.objects;
+    scene.objects = setting.clutter.objects;
     return scene;
 }
 
@@ -458,27 +358,10 @@ Result<CorkscrewScenes> CorkscrewScenes::prepare(const CorkscrewSceneOptions& op
         shared->corkscrew.push_back({part.path_lengths ? part.path_lengths : pathsThrough(std::move(part.mesh)),
                                      attenuationPerMm(part.material) - displaced});
     }
-    shared->screw = pathsThrough(screw("screw", 40, HeldBy::imager, {}).mesh);
-    const std::vector<HeldObject> halves = fluorocut::clamp("clamp", HeldBy::imager, {});
-    shared->clamp = [lower = pathsThrough(halves[0].mesh), upper = pathsThrough(halves[1].mesh)](
-                        const CArm& carm, const Rigid3& imager_from_clamp, const MeshProjectionOptions& options_) {
-        Image sum = lower(carm, imager_from_clamp, options_);
-        add(sum, upper(carm, imager_from_clamp, options_), 1);
-        return sum;
-    };
-    shared->retractor = pathsThrough(makeBox({120, 14, 5}));
-    if (options.clutter.hip > 0) {
-        FemurOptions femur;
-        femur.voxel_mm = 1;
-        femur.seed = options.seed;
-        progress.report(0.9, "generating a hip");
-        const Result<FemurPhantom> phantom = generateFemur(femur);
-        if (!phantom) return phantom.error();
-        Result<VolumeProjector> projector = VolumeProjector::prepare(std::make_shared<const Volume>(phantom->ct));
-        if (!projector) return projector.error();
-        shared->hip.emplace(std::move(*projector));
-        shared->hip_center = phantom->landmarks.lesser_trochanter_mm;
-    }
+    SubProgress stocking(progress, 0.9, 1);
+    Result<ClutterStock> stock = ClutterStock::prepare(options.clutter, options.seed, stocking);
+    if (!stock) return stock.error();
+    shared->stock = std::move(*stock);
     progress.report(1, "scenes prepared");
     return CorkscrewScenes(std::move(shared));
 }

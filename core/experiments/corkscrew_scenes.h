@@ -2,10 +2,10 @@
 // truth: what detection, fits and accuracy are tested with.
 //
 // A picture: line integrals through the corkscrew (its exact solids, sampled 3 x 3 times in a pixel and averaged as
-// intensities, as a detector does) plus those through what else is there (a CT of a hip, steel screws, a clamp, a
-// cutter's spindle, a retractor's blade; once per pixel), then core/imaging/xray_physics.h: penumbra, scatter, quanta,
-// blur, glare, levels of 16 bits. Exposure as automatic brightness does it: `photons` is the number detected per pixel
-// where the picture is of middling brightness (the open beam when nothing else is there), and nothing saturates.
+// intensities, as a detector does) plus those through what else is there (corkscrew_clutter.h; beads in a bone; once
+// per pixel), then core/imaging/xray_physics.h: penumbra, scatter, quanta, blur, glare, levels of 16 bits. Exposure as
+// automatic brightness does it: `photons` is the number detected per pixel where the picture is of middling brightness
+// (the open beam when nothing else is there), and nothing saturates.
 //
 // Frames: `imager` of the C-arm as it is known (core/experiments/simulated_imager.h), `corkscrew`, mm, rad.
 // Scene i of the same options is always the same, in whatever order and on however many threads scenes are made.
@@ -20,24 +20,13 @@
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/base/units.h"
+#include "core/experiments/corkscrew_clutter.h"
 #include "core/experiments/simulated_imager.h"
+#include "core/fiducial/bead_layout.h"
 #include "core/fiducial/corkscrew_layout.h"
 #include "core/image/image.h"
 
 namespace fluorocut {
-
-// How likely each thing lies in the picture, 0 to 1.
-struct CorkscrewClutter {
-    double hip = 0;        // femur, pelvis and soft tissue, as in core/simulation/femur_phantom.h
-    double screws = 0;     // one to three of 4.5 mm, anywhere
-    double clamp = 0;      // anywhere
-    double spindle = 0;    // a steel cylinder of 12 to 16 mm, in line with the shaft or beside it
-    double retractor = 0;  // an opaque blade over a part of the corkscrew
-
-    static CorkscrewClutter none() { return {}; }
-    // What an operation may have, together in most pictures.
-    static CorkscrewClutter surgery() { return {1, 0.7, 0.5, 0.5, 0.3}; }
-};
 
 struct CorkscrewSceneOptions {
     CorkscrewLayout layout;  // the true one
@@ -59,6 +48,9 @@ struct CorkscrewSceneOptions {
     double photons = 1000;
     double blur_px = 0.7;
     CorkscrewClutter clutter;
+    // Steel beads, as in a bone, in every picture; in the known imager's frame.
+    std::optional<BeadLayout> beads;
+    Rigid3 imager_from_beads;
     double inverted = 0;         // likelihood that more photons are darker
     double dimension_error = 0;  // mm, standard deviation of each dimension of the layout that is handed out
 

@@ -28,6 +28,7 @@ struct CorkscrewCommand {
     double photons = CorkscrewSceneOptions().photons;
     double blur_px = CorkscrewSceneOptions().blur_px;
     bool clutter = false;
+    std::string beads, beads_pose;
     bool inverted = false;
     std::string truth;
     std::uint64_t seed = 1;
@@ -47,7 +48,8 @@ Result<Rigid3> poseOf(const CorkscrewCommand& command, const CArm& carm) {
 }
 
 Result<void> checkFiles(const CorkscrewCommand& command, const std::filesystem::path& layout_file) {
-    const std::vector<std::filesystem::path> inputs{layout_file, command.carm, command.pose};
+    const std::vector<std::filesystem::path> inputs{layout_file, command.carm, command.pose, command.beads,
+                                                    command.beads_pose};
     if (auto ok = checkOutput(command.output, inputs, {".png", ".tif", ".tiff", ".mha", ".nrrd", ".dcm"}); !ok)
         return ok;
     return command.truth.empty() ? Result<void>() : checkOutput(command.truth, inputs, {".json"});
@@ -76,6 +78,14 @@ Result<Report> runCorkscrew(const CorkscrewCommand& command, Progress& progress)
     options.blur_px = command.blur_px;
     options.seed = command.seed;
     options.inverted = command.inverted ? 1 : 0;
+    if (!command.beads.empty()) {
+        Result<BeadLayout> beads = readBeadLayout(command.beads);
+        if (!beads) return beads.error();
+        const Result<Pose> beads_pose = readPose(command.beads_pose, Frame::imager, beads->frame);
+        if (!beads_pose) return beads_pose.error();
+        options.beads = std::move(*beads);
+        options.imager_from_beads = beads_pose->target_from_source;
+    }
     if (command.clutter) options.clutter = CorkscrewClutter::surgery();
     SubProgress preparing(progress, 0, 0.8);
     const Result<CorkscrewScenes> scenes = CorkscrewScenes::prepare(options, preparing);
@@ -147,6 +157,12 @@ Command declarePhantomCorkscrew(CLI::App& phantom) {
         ->check(between(0, 20))
         ->capture_default_str();
     app->add_flag("--clutter", command->clutter, "A hip and, as the seed has it, screws, clamp, spindle, retractor");
+    CLI::Option* beads =
+        app->add_option("--beads", command->beads, "Steel beads beside it, fluorocut/beads/1: those in a femur");
+    CLI::Option* beads_pose =
+        app->add_option("--beads-pose", command->beads_pose, "Their pose, fluorocut/pose/1: imager from femur");
+    beads->needs(beads_pose);
+    beads_pose->needs(beads);
     app->add_flag("--inverted", command->inverted, "More photons are darker");
     app->add_option("--truth", command->truth, "True pose, .json: imager from corkscrew");
     app->add_option("--seed", command->seed, "Of noise and clutter")
@@ -155,7 +171,9 @@ Command declarePhantomCorkscrew(CLI::App& phantom) {
     app->footer(
         "Examples:\n"
         "  fluorocut-cli phantom corkscrew -o corkscrew.png --truth truth.json\n"
-        "  fluorocut-cli phantom corkscrew --roll-deg -40 --at-mm 10 -5 680 --clutter --seed 7 -o surgery.png");
+        "  fluorocut-cli phantom corkscrew --roll-deg -40 --at-mm 10 -5 680 --clutter --seed 7 -o surgery.png\n"
+        "  fluorocut-cli phantom corkscrew --pose pose.json --beads femur.json --beads-pose imager_from_femur.json -o "
+        "view.png");
     return {app, [command](Progress& progress) { return runCorkscrew(*command, progress); }};
 }
 
