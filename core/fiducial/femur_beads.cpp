@@ -8,12 +8,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/fiducial/bead_bundle.h"
 #include "core/fiducial/detection/bead_matching.h"
 #include "core/fiducial/femur_bead_fit.h"
+#include "core/fiducial/femur_bead_geometry.h"
 #include "core/fiducial/sphere_shadow.h"
 
 namespace fluorocut {
@@ -75,6 +77,13 @@ void relabel(std::vector<FitView>& fits, const std::vector<const FemurView*>& vi
     }
 }
 
+// Of view k's pose: of its shadows, and of what calibration and layout do not know.
+Matrix6 covarianceOf(const femur_beads::Fit& fit, std::size_t k, const Eigen::VectorXd& sigmas) {
+    const auto at = static_cast<Eigen::Index>(6 * k);
+    const Eigen::MatrixXd follows = fit.sensitivity.middleRows<6>(at);
+    return fit.covariance.block<6, 6>(at, at) + follows * sigmas.cwiseAbs2().asDiagonal() * follows.transpose();
+}
+
 FemurViewPose describe(const FitView& fit, const FemurView& view, const BeadLayout& layout) {
     FemurViewPose pose;
     pose.name = view.name;
@@ -108,6 +117,27 @@ FemurViewPose describe(const FitView& fit, const FemurView& view, const BeadLayo
     for (std::size_t i = 0; i < shadow_used.size(); ++i)
         if (!shadow_used[i]) pose.unexplained.push_back(i);
     return pose;
+}
+
+// One sentence for each bead, whatever the number of views that show it off.
+void warnOfMovedBeads(FemurBeads& result, const BeadLayout& layout) {
+    for (std::size_t i = 0; i < layout.beads.size(); ++i) {
+        double off_mm = 0;
+        std::vector<std::string> views;
+        for (const FemurViewPose& view : result.views) {
+            for (const FemurBead& bead : view.beads) {
+                if (bead.bead != i || bead.used) continue;
+                off_mm = std::max(off_mm, bead.residual_mm);
+                views.push_back(view.name);
+            }
+        }
+        if (views.empty()) continue;
+        result.warnings.push_back(
+            fmt::format("{} {}: bead {} lies {:.2f} mm from where the others put it: {}.",
+                        views.size() == 1 ? "View" : "Views", fmt::join(views, ", "), layout.beads[i].name, off_mm,
+                        views.size() == 1 ? "it moved in the bone, or something covers it"
+                                          : "it moved in the bone, or its place in the layout is wrong"));
+    }
 }
 
 Error nothingFound(const std::vector<FemurView>& views, const BeadLayout& layout, const std::vector<Error>& errors) {
@@ -238,6 +268,20 @@ Result<FemurBeads> registerBeads(const std::vector<FemurView>& views, const Bead
         places.push_back(seen);
         guided.push_back(!alone[k]);
     }
+    const Eigen::VectorXd sigmas = beadParameterSigmas(layout, options.uncertainty);
+    std::vector<femur_beads::ViewAlone> known;
+    for (std::size_t i = 0; i < fits.size(); ++i) {
+        if (guided[i] || !fits[i].geometry_known) continue;
+        std::vector<FitView> own{fits[i]};
+        own.front().geometry_known = false;
+        const femur_beads::Fit own_fit = femur_beads::fit(own, layout, options.uncertainty.unexplained_px);
+        const Matrix6 covariance = covarianceOf(own_fit, 0, sigmas);
+        if (!own_fit.converged || !covariance.allFinite()) continue;
+        known.push_back({static_cast<std::size_t>(solved[i] - views.data()) + 1, solved[i]->name,
+                         own.front().imager_from_femur, covariance, fits[i].imager_from_first,
+                         fits[i].covariance_from_first});
+    }
+    if (const Result<void> good = femur_beads::checkKnownGeometry(known); !good) return good.error();
     femur_beads::Fit fit;
     for (int round = 0; round < 3; ++round) {
         fit = femur_beads::fit(fits, layout, options.uncertainty.unexplained_px);
@@ -256,20 +300,26 @@ Result<FemurBeads> registerBeads(const std::vector<FemurView>& views, const Bead
                           "check that each view has its own pose");
     }
 
-    const Eigen::VectorXd sigmas = beadParameterSigmas(layout, options.uncertainty);
     const Matrix6 no_covariance = Matrix6::Zero();
     const Vector3 middle = middleOf(layout);
     result.unexplained_px = fit.unexplained_px;
     double worst_fre = 0, worst_share = 1, worst_sigma = 0, worst_size = 0;
     for (std::size_t k = 0; k < fits.size(); ++k) {
+        const auto used = std::count_if(fits[k].seen.begin(), fits[k].seen.end(),
+                                        [](const femur_beads::Seen& seen) { return seen.weight > 0; });
+        if (used < options.guided_beads) {
+            return noSolution("view " + solved[k]->name,
+                              fmt::format("{} of its {} beads where the layout and the other views put them", used,
+                                          fits[k].seen.size()),
+                              fmt::format("at least {}", options.guided_beads),
+                              "check that the views belong together, and that the femur did not move between them");
+        }
         FemurViewPose pose = describe(fits[k], *solved[k], layout);
         pose.guided = guided[k];
         const auto at = static_cast<Eigen::Index>(6 * k);
         pose.noise_covariance = fit.covariance.block<6, 6>(at, at);
-        const Eigen::MatrixXd follows = fit.sensitivity.middleRows<6>(at);
         pose.imager_from_femur = {Frame::imager, Frame::femur, fits[k].imager_from_femur, no_covariance};
-        pose.imager_from_femur.covariance =
-            pose.noise_covariance + follows * sigmas.cwiseAbs2().asDiagonal() * follows.transpose();
+        pose.imager_from_femur.covariance = covarianceOf(fit, k, sigmas);
         pose.evidence = femur_beads::evidenceOf(fits[k], layout, fit.unexplained_px);
         pose.sigma_mm = std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3>(
                                       pointCovariance(pose.imager_from_femur, middle), Eigen::EigenvaluesOnly)
@@ -281,16 +331,9 @@ Result<FemurBeads> registerBeads(const std::vector<FemurView>& views, const Bead
         worst_size = std::max(worst_size, std::abs(pose.size_error));
         const double shown = static_cast<double>(pose.beads.size());
         worst_share = std::min(worst_share, shown / (shown + static_cast<double>(pose.missing.size())));
-        for (const FemurBead& bead : pose.beads) {
-            if (!bead.used) {
-                result.warnings.push_back(
-                    fmt::format("View {}: bead {} lies {:.2f} mm from where the others put it: it moved in the bone, "
-                                "or something covers it.",
-                                pose.name, layout.beads[bead.bead].name, bead.residual_mm));
-            }
-        }
         result.views.push_back(std::move(pose));
     }
+    warnOfMovedBeads(result, layout);
     result.acceptance = {
         atMost("registration error of the beads (FRE)", worst_fre, options.limits.most_fre_px, "px"),
         atLeast("share of the beads found", worst_share, options.limits.least_share, ""),

@@ -13,7 +13,8 @@
 // latter are the same in all images: evidence carries them as shared parameters, in the order of beadParameters().
 //
 // noSolution: no view shows the layout ("wrong beads file?"). A view that does not is named in `rejected` where others
-// do. Nothing is random but the seeded search.
+// do. invalidInput: beads that contradict the views' known geometry (femur_bead_geometry.h): swapped images, a
+// corkscrew that moved. Nothing is random but the seeded search.
 #pragma once
 
 #include <optional>
