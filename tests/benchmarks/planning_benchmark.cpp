@@ -1,0 +1,104 @@
+// What the surgeon waits for while moving an implant, beside what other programs' parts would take, in one run. Prints
+// a Markdown table.
+//
+//     planning_benchmark [rounds]
+//
+// Each round takes every row over the same poses; times are medians.
+#include <chrono>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
+
+#include "core/base/median.h"
+#include "core/base/parallel.h"
+#include "core/geometry/primitives.h"
+#include "core/imaging/mesh_projector.h"
+#include "core/imaging/silhouette.h"
+
+using namespace fluorocut;
+
+namespace {
+
+struct Row {
+    std::string what;
+    std::function<void(const Rigid3&)> run;
+    int repeats;
+    std::vector<double> ms = {};
+};
+
+void require(bool good, const char* what) {
+    if (good) return;
+    fmt::print(stderr, "{} failed\n", what);
+    std::exit(1);
+}
+
+// The outlines of a mask, as OpenCV finds them: pixel by pixel.
+std::size_t maskContours(const Image& lengths) {
+    cv::Mat mask(lengths.height(), lengths.width(), CV_8U);
+    for (int y = 0; y < lengths.height(); ++y)
+        for (int x = 0; x < lengths.width(); ++x)
+            mask.at<std::uint8_t>(y, x) = lengths(x, y) > 0;
+    std::vector<std::vector<cv::Point>> found;
+    cv::findContours(mask, found, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
+    return found.size();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const int rounds = argc > 1 ? std::atoi(argv[1]) : 5;
+    if (rounds < 1) {
+        fmt::print(stderr, "usage: planning_benchmark [rounds]\n");
+        return 2;
+    }
+    StemShape shape;
+    shape.length_mm = 140;
+    shape.sections = 250;
+    shape.segments = 100;
+    const TriangleMesh mesh = makeStem(shape);
+    const auto silhouette = Silhouette::prepare(mesh);
+    const auto projector = MeshProjector::prepare(mesh);
+    require(silhouette.ok() && projector.ok(), "preparing the stem");
+    const CArm carm;
+    std::vector<Rigid3> poses;
+    for (int i = 0; i < 10; ++i)
+        poses.push_back(Rigid3::fromTranslation({5.0 * i - 20, -30, 650}) *
+                        Rigid3::fromRotationVector({1.5 + 0.02 * i, 0.1 * i, 0.05 * i - 0.2}));
+
+    std::vector<Row> rows;
+    const auto contours = [&](const SilhouetteOptions& options) {
+        return [&, options](const Rigid3& pose) {
+            const auto loops = silhouette->project(carm, pose, options);
+            require(loops.ok() && !loops->empty(), "the silhouette");
+        };
+    };
+    rows.push_back({"silhouette", contours({}), 50});
+    rows.push_back({"silhouette, its outline found", contours({true, false}), 50});
+    rows.push_back({"silhouette, hidden parts found", contours({true, true}), 50});
+    rows.push_back(
+        {"peer: path lengths as a mask, OpenCV findContours",
+         [&](const Rigid3& pose) { require(maskContours(projector->project(carm, pose)) > 0, "findContours"); }, 5});
+
+    for (int round = 0; round < rounds; ++round) {
+        for (const Rigid3& pose : poses) {
+            for (Row& row : rows) {
+                for (int repeat = 0; repeat < row.repeats; ++repeat) {
+                    const auto start = std::chrono::steady_clock::now();
+                    row.run(pose);
+                    row.ms.push_back(
+                        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+                }
+            }
+        }
+    }
+    fmt::print("Stem of {} triangles, image {} x {}, {} threads, {} rounds of {} poses\n\n", mesh.triangles.size(),
+               carm.columns, carm.rows, parallelThreads(), rounds, poses.size());
+    fmt::print("| | ms (median) | times the silhouette |\n|---|---:|---:|\n");
+    for (const Row& row : rows)
+        fmt::print("| {} | {:.3f} | {:.1f} |\n", row.what, median(row.ms), median(row.ms) / median(rows.front().ms));
+    return 0;
+}
