@@ -23,9 +23,7 @@ namespace {
 using namespace corkscrew;
 
 constexpr const char* kStep = "corkscrew detection";
-constexpr int kLeastPixels = 48;       // along a side of the image
-constexpr double kWirePixels = 2.2;    // width of a wire on the working grid
-constexpr double kTypicalDepth = 0.7;  // of the focal length
+constexpr int kLeastPixels = 48;  // along a side of the image
 constexpr int kLines = 24;
 constexpr int kGuessesPerLine = 40;
 constexpr int kTwistsPerGuess = 3;
@@ -253,26 +251,6 @@ Result<void> requireUsable(const Image& image, const CArm& carm) {
     return {};
 }
 
-// Thin metal leaves a tail on its own side of what is left when the image is smoothed.
-bool looksBright(const WorkingImage& dark) {
-    double cubes = 0, squares = 0;
-    int count = 0;
-    const Image& log = dark.log;
-    constexpr int kAway = 4;
-    for (int y = kAway; y + kAway < log.height(); y += 2) {
-        for (int x = kAway; x + kAway < log.width(); x += 2) {
-            const double off =
-                log(x, y) - 0.25 * (log(x - kAway, y) + log(x + kAway, y) + log(x, y - kAway) + log(x, y + kAway));
-            if (!std::isfinite(dark.sigma(x, y))) continue;
-            const double capped = std::clamp(off, -0.5, 0.5);
-            cubes += capped * capped * capped;
-            squares += capped * capped;
-            ++count;
-        }
-    }
-    return count > 0 && squares > 0 && cubes > 0;
-}
-
 Error whyNot(const std::vector<Found>& best, const CorkscrewLayout& layout, const CorkscrewDetectionOptions& options) {
     const WireScore score = best.empty() ? WireScore{} : best.front().score;
     if (score.score >= kPartScore && score.visible >= kPartVisible) {
@@ -319,7 +297,7 @@ Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm,
     if (const auto good = layout.validate(); !good) return good.error();
     if (const auto good = requireUsable(image, carm); !good) return good.error();
 
-    const double pixel_mm = 2 * layout.helix.wire_radius_mm / kTypicalDepth / kWirePixels;
+    const double pixel_mm = workingPixel(layout);
     const Search search(layout, options);
     std::vector<Found> best;
     CorkscrewDetection detection;

@@ -13,6 +13,7 @@
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/base/units.h"
+#include "core/fiducial/corkscrew/pose_near.h"
 #include "core/fiducial/corkscrew/twins.h"
 
 namespace fluorocut {
@@ -40,8 +41,8 @@ constexpr double kClearTwinOverlap = 0.8;  // other twists overlap by 0.79 at mo
 constexpr double kOtherPoseRad = 0.3;
 constexpr double kLeastScore = 0.4;     // below it there is no corkscrew
 constexpr double kOtherLayoutPx = 0.6;  // lines met no better are another corkscrew's, or bent
-constexpr double kTrackedScore = 0.75;  // below it the previous pose was no start
-constexpr double kTrackedRmsPx = 0.3;   // above it neither: right fits lie below 0.2, wrong ones near 0.5
+constexpr double kTrackedScore = 0.5;   // below it the previous pose was no start
+constexpr double kTrackedRmsPx = 0.4;   // above it neither
 // Lines met worse than kRoughPx are met with other focal lengths; one that is so much better contradicts the C-arm's.
 constexpr double kRoughPx = 0.12;
 constexpr double kMuchBetter = 0.4;
@@ -115,20 +116,17 @@ class Estimate {
   private:
     // From the previous pose, without a search.
     bool track() {
-        for (const bool bright : {false, true}) {
-            setPolarity(bright);
-            const Result<CorkscrewFit> shape = refineOnShape(*image_, carm_, layout_, *options_.initial);
-            if (!(shape && shape->score >= kTrackedScore)) continue;
-            Result<CorkscrewFit> fit =
-                refineOnImage(*image_, carm_, layout_, shape->imager_from_corkscrew, withEvidence());
-            // Not asked: fit->converged. In clutter its last steps stay above the noise (pixels change sides), without
-            // harm. Lines that are met only roughly are those of another twist.
-            if (!(fit && fit->score >= kTrackedScore && fit->rms_px <= kTrackedRmsPx)) continue;
-            explanations_ = {{std::move(*fit), true, {}, true}};
-            return true;
-        }
-        setPolarity(false);
-        return false;
+        const std::optional<corkscrew::NearPose> near = corkscrew::poseNear(given_, carm_, layout_, *options_.initial);
+        if (!near) return false;
+        setPolarity(near->metal_is_bright);
+        const Result<CorkscrewFit> shape = refineOnShape(*image_, carm_, layout_, near->imager_from_corkscrew);
+        if (!(shape && shape->score >= kTrackedScore && shape->rms_px <= kTrackedRmsPx)) return false;
+        Result<CorkscrewFit> fit = refineOnImage(*image_, carm_, layout_, shape->imager_from_corkscrew, withEvidence());
+        // Not asked: fit->converged. In clutter its last steps stay above the noise (pixels change sides), without
+        // harm.
+        if (!(fit && fit->score >= kTrackedScore && fit->rms_px <= kTrackedRmsPx)) return false;
+        explanations_ = {{std::move(*fit), true, {}, true}};
+        return true;
     }
 
     // Cheap looks first: as many fits to the image as there are poses that the lines leave open, nearly always one.

@@ -1,8 +1,8 @@
 // The 6D pose of a corkscrew from one X-ray image (the paper's "C-arm pose estimation", its second contribution), with
 // its covariance, its second best explanation, and a refusal where two explanations can not be told apart.
 //
-//   detect (or start from a previous pose) -> fit the shape from every candidate, with roll of either sign, both
-//   directions of the axis and several twists -> fit the image from the best few -> compare -> judge.
+//   detect (or look near a previous pose) -> fit the shape from the candidates, with roll of either sign, both
+//   directions of the axis and several twists -> fit the image where the shape leaves it open -> compare -> judge.
 //
 // Frames: `imager`, `corkscrew`. The image is in the C-arm's (distorted) pixels, of either polarity.
 //

@@ -187,6 +187,25 @@ Result<WorkingImage> workingImage(const Image& image, const CArm& carm, double p
     return working;
 }
 
+bool looksBright(const WorkingImage& dark) {
+    double cubes = 0, squares = 0;
+    int count = 0;
+    const Image& log = dark.log;
+    constexpr int kAway = 4;
+    for (int y = kAway; y + kAway < log.height(); y += 2) {
+        for (int x = kAway; x + kAway < log.width(); x += 2) {
+            const double off =
+                log(x, y) - 0.25 * (log(x - kAway, y) + log(x + kAway, y) + log(x, y - kAway) + log(x, y + kAway));
+            if (!std::isfinite(dark.sigma(x, y))) continue;
+            const double capped = std::clamp(off, -0.5, 0.5);
+            cubes += capped * capped * capped;
+            squares += capped * capped;
+            ++count;
+        }
+    }
+    return count > 0 && squares > 0 && cubes > 0;
+}
+
 RidgeMap ridgesOfWidth(const WorkingImage& image, double width_px, std::vector<RidgePoint>* points) {
     const int width = image.log.width(), height = image.log.height();
     // The scale that answers best to a bar of width w: w / sqrt(12) is its standard deviation (Lindeberg 1998).

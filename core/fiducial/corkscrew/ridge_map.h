@@ -88,6 +88,10 @@ struct WorkingImage {
 // Reduced to pixels near `pixel_mm`, undistorted, metal dark. noSolution: nothing but one grey value.
 Result<WorkingImage> workingImage(const Image& image, const CArm& carm, double pixel_mm, bool metal_is_bright);
 
+// Of a picture taken as one with dark metal, is its thin metal bright? It leaves a tail on its own side of what is left
+// when the image is smoothed.
+bool looksBright(const WorkingImage& dark);
+
 // Lines about `width_px` wide (working pixels). `points`, unless null: the lines' middles.
 RidgeMap ridgesOfWidth(const WorkingImage& image, double width_px, std::vector<RidgePoint>* points);
 

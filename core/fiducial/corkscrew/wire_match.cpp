@@ -15,6 +15,7 @@ constexpr int kShaftSamples = 32;
 constexpr int kTwists = 90;
 constexpr double kCertain = 0.85 * kFull;  // between two directions and two pixels a full ridge shows this much
 constexpr double kTypicalDepth = 0.7;      // of the focal length
+constexpr double kWirePixels = 2.2;        // width of a wire on the working grid
 // Projected length over length: below it a wire is seen end on, and shows no direction.
 constexpr double kLeastForeshortening = 0.25;
 constexpr double kShaftWeight = 1.5;
@@ -115,6 +116,10 @@ WireSamples::WireSamples(const CorkscrewLayout& layout) {
         const double x = layout.shaft_x_mm[0] + length_mm * (i + 0.5) / kShaftSamples;
         shaft.push_back({Vector3(x, 0, 0), Vector3::UnitX()});
     }
+}
+
+double workingPixel(const CorkscrewLayout& layout) {
+    return 2 * layout.helix.wire_radius_mm / kTypicalDepth / kWirePixels;
 }
 
 RidgeImage ridgeImage(WorkingImage image, const CorkscrewLayout& layout) {

@@ -39,6 +39,9 @@ struct RidgeImage {
     }
 };
 
+// mm at the detector: of a working grid on which a wire is about two pixels wide.
+double workingPixel(const CorkscrewLayout& layout);
+
 RidgeImage ridgeImage(WorkingImage image, const CorkscrewLayout& layout);
 
 struct WireScore {
