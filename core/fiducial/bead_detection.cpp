@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <tuple>
 
 #include <fmt/format.h>
@@ -166,7 +167,7 @@ Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOption
             one.patch = detection::backgroundAround(log_intensity, directions, disk, neighboursOf(all, i),
                                                     one.halfPatch(), false);
             // Where the background explains it all there is nothing to fit.
-            const double inner = 1 + 0.36 * M_PI * disk.radius_px * disk.radius_px;
+            const double inner = 1 + 0.36 * std::numbers::pi * disk.radius_px * disk.radius_px;
             const double least = std::max(0.4 * options.least_contrast, 4 * one.patch.noise / std::sqrt(inner));
             if (!(one.patch.valid && sign * one.patch.contrast >= least)) continue;
             const double log_noise = std::max(one.patch.noise, 2e-3);

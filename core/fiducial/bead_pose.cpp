@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -135,7 +136,7 @@ class Estimate {
         for (const BeadMatch& match : refined.matches)
             worst = std::max(worst, match.residual_px.norm());
         const double area = static_cast<double>(carm_.columns) * carm_.rows;
-        const double p = std::min(0.5, static_cast<double>(shadows_.size()) * M_PI * worst * worst / area);
+        const double p = std::min(0.5, static_cast<double>(shadows_.size()) * std::numbers::pi * worst * worst / area);
         const double all = static_cast<double>(layout_.beads.size()) - 3;
         double sum = 0;
         for (double k = static_cast<double>(refined.matches.size()) - 3; k <= all; ++k) {
@@ -276,7 +277,8 @@ class Estimate {
         const double rms = std::max(refined.rms_px, kRmsFloorPx);
         const double area = static_cast<double>(carm_.columns) * carm_.rows;
         // Log likelihood against shadows anywhere in the image.
-        refined.score = static_cast<double>(refined.matches.size()) * (std::log(area / (2 * M_PI * rms * rms)) - 1);
+        refined.score =
+            static_cast<double>(refined.matches.size()) * (std::log(area / (2 * std::numbers::pi * rms * rms)) - 1);
         return refined;
     }
 

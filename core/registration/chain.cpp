@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -199,7 +200,7 @@ Result<void> ChainOptions::validate() const {
         if (!(point.in_femur.cwiseAbs().maxCoeff() <= 1e4))
             return invalidOption("points, " + point.name, "a coordinate out of range", "at most 10000 mm");
     }
-    return requireRanges({{"least_view_angle_rad", least_view_angle_rad, 0, M_PI / 2, "rad"},
+    return requireRanges({{"least_view_angle_rad", least_view_angle_rad, 0, std::numbers::pi / 2, "rad"},
                           {"outlier_probability", outlier_probability, 0, 0.5, ""}});
 }
 

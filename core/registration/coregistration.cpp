@@ -362,6 +362,13 @@ Result<Coregistration> coregisterViews(const std::vector<CoregistrationView>& vi
                             std::sqrt(result.chi_square / result.degrees_of_freedom), culprit(views, options)));
         }
     }
+    const bool scales = std::all_of(views.begin(), views.end(),
+                                    [](const CoregistrationView& view) { return view.imager_from_room.has_value(); });
+    if (problem.moved() && result.degrees_of_freedom == 0 && !scales) {
+        result.warnings.push_back(
+            "nothing tells whether each image has its own robot pose: give the C-arm's angles, or two shots with the "
+            "C-arm at rest; beads in the bone, registered with these views, tell it too");
+    }
     describeViews(views, problem, solved, result);
 
     result.widest_angle_rad = 0;

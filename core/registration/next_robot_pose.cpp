@@ -125,13 +125,15 @@ Result<NextPose> suggestNextPose(const HandEyeCalibration& calibration, const Ri
     best.rotation_before_rad = before.y();
     const Rigid3 turn = reference.inverse() * best.robot_from_flange;
     const Vector3 rotation = logRotation(turn.rotation());
+    const bool enough = before.x() <= limits.most_place_mm && before.y() <= limits.most_rotation_rad;
     best.sentence = fmt::format(
-        "turn the flange by {:.0f} degrees about {}, keeping the corkscrew in view: the standard deviation of its "
-        "place "
-        "goes from {:.3f} to {:.3f} mm, that of its rotation from {:.3f} to {:.3f} degrees (worst directions)",
-        degreesFromRadians(rotation.norm()),
-        rotation.norm() > 1e-9 ? axisInWords(rotation / rotation.norm(), "flange") : "any axis", before.x(),
-        best.place_after_mm, degreesFromRadians(before.y()), degreesFromRadians(best.rotation_after_rad));
+        "{}turn the flange by {:.0f} degrees about {}, keeping the corkscrew in view: the standard deviation of its "
+        "place falls by {:.0f} % from {:.3f} mm, that of its rotation by {:.0f} % from {:.3f} degrees (worst "
+        "directions)",
+        enough ? "not needed, the limits are met; the best would be: " : "", degreesFromRadians(rotation.norm()),
+        rotation.norm() > 1e-9 ? axisInWords(rotation / rotation.norm(), "flange") : "any axis",
+        100 * (1 - best.place_after_mm / before.x()), before.x(), 100 * (1 - best.rotation_after_rad / before.y()),
+        degreesFromRadians(before.y()));
     return best;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 
 #include <fmt/format.h>
@@ -105,7 +106,7 @@ class Forecaster {
         const auto beam = [&](std::size_t i) {
             return Vector3(more.views[i].imager_from_femur.pose.target_from_source.inverse().rotate(Vector3::UnitZ()));
         };
-        view.turn_rad = M_PI;
+        view.turn_rad = std::numbers::pi;
         for (std::size_t i = 0; i + 1 < all_.size(); ++i) {
             // From the other side is from the same direction.
             const double cosine = std::abs(beam(i).dot(beam(all_.back())));
@@ -127,11 +128,12 @@ Result<void> NextViewOptions::validate() const {
     if (!(target.in_femur.cwiseAbs().maxCoeff() <= 1e4))
         return invalidOption("target " + target.name, "a coordinate out of range", "at most 10000 mm");
     return requireRanges(
-        {{"reference_angles.orbital_rad", reference_angles.orbital_rad, -M_PI, M_PI, "rad"},
-         {"reference_angles.angulation_rad", reference_angles.angulation_rad, -M_PI / 2, M_PI / 2, "rad"},
-         {"most_orbital_rad", most_orbital_rad, 0, M_PI, "rad"},
-         {"most_angulation_rad", most_angulation_rad, 0, M_PI / 2, "rad"},
-         {"step_rad", step_rad, 0.00436, M_PI / 2, "rad"}});
+        {{"reference_angles.orbital_rad", reference_angles.orbital_rad, -std::numbers::pi, std::numbers::pi, "rad"},
+         {"reference_angles.angulation_rad", reference_angles.angulation_rad, -std::numbers::pi / 2,
+          std::numbers::pi / 2, "rad"},
+         {"most_orbital_rad", most_orbital_rad, 0, std::numbers::pi, "rad"},
+         {"most_angulation_rad", most_angulation_rad, 0, std::numbers::pi / 2, "rad"},
+         {"step_rad", step_rad, 0.00436, std::numbers::pi / 2, "rad"}});
 }
 
 NextView::NextView()
@@ -182,10 +184,10 @@ Result<NextView> adviseNextView(const ChainProblem& problem, const NextViewOptio
     result.largest_term = then->terms[then->points[0].largest_first.front()].text();
     if (best->worst_sigma_mm > kHardlyBetter * result.worst_sigma_mm) {
         result.sentence = fmt::format(
-            "No further view helps much: the error of the {} in its worst direction falls from {:.2g} to {:.2g} mm "
-            "(one "
-            "standard deviation) at best, at orbital {:.0f}, angulation {:.0f} degrees, because {} contributes most.",
-            options.target.name, result.worst_sigma_mm, best->worst_sigma_mm,
+            "No further view helps much: the error of the {} in its worst direction, {:.2g} mm (one standard "
+            "deviation), "
+            "falls by {:.0f} % at best, at orbital {:.0f}, angulation {:.0f} degrees, because {} contributes most.",
+            options.target.name, result.worst_sigma_mm, 100 * (1 - best->worst_sigma_mm / result.worst_sigma_mm),
             degreesFromRadians(best->angles.orbital_rad), degreesFromRadians(best->angles.angulation_rad),
             result.largest_term);
         return result;

@@ -5,6 +5,7 @@
 
 #include "core/io/pose_file.h"
 #include "tests/app/cli.h"
+#include "tests/app/poses.h"
 #include "tests/core/registration/hand_eye_scene.h"
 #include "tests/support/fixtures.h"
 
@@ -15,19 +16,8 @@ using test::cli;
 using test::errorMessage;
 using test::Finished;
 using test::onlyJson;
+using test::rows;
 using testing::HasSubstr;
-
-template <class M>
-nlohmann::json rows(const M& matrix) {
-    nlohmann::json result = nlohmann::json::array();
-    for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
-        nlohmann::json row = nlohmann::json::array();
-        for (Eigen::Index c = 0; c < matrix.cols(); ++c)
-            row.push_back(matrix(r, c));
-        result.push_back(row);
-    }
-    return result;
-}
 
 class CalibrateRobotTest : public testing::Test {
   protected:

@@ -12,6 +12,7 @@
 #include "core/io/pose_file.h"
 #include "core/io/resources.h"
 #include "tests/app/cli.h"
+#include "tests/app/poses.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
@@ -21,26 +22,9 @@ using test::cli;
 using test::errorMessage;
 using test::Finished;
 using test::onlyJson;
+using test::rigidOf;
+using test::rows;
 using testing::HasSubstr;
-
-Rigid3 rigidOf(const nlohmann::json& rows) {
-    Matrix4 m;
-    for (int r = 0; r < 4; ++r)
-        for (int c = 0; c < 4; ++c)
-            m(r, c) = rows[static_cast<std::size_t>(r)][static_cast<std::size_t>(c)];
-    return {Eigen::Quaterniond(Matrix3(m.topLeftCorner<3, 3>())), Vector3(m.topRightCorner<3, 1>())};
-}
-
-nlohmann::json rows(const Rigid3& pose) {
-    nlohmann::json result = nlohmann::json::array();
-    for (int r = 0; r < 4; ++r) {
-        nlohmann::json row = nlohmann::json::array();
-        for (int c = 0; c < 4; ++c)
-            row.push_back(pose.matrix()(r, c));
-        result.push_back(row);
-    }
-    return result;
-}
 
 class CorkscrewViewsTest : public testing::Test {
   protected:
@@ -107,7 +91,8 @@ TEST_F(CorkscrewViewsTest, CalibrateRobotFromPicturesOfAnImperfectCorkscrewSlow)
         if (HasFatalFailure()) return;
         file["observations"].push_back(
             {{"image", image},
-             {"robot_from_flange", rows(imager_from_robot.inverse() * seen * flange_from_corkscrew.inverse())}});
+             {"robot_from_flange",
+              rows((imager_from_robot.inverse() * seen * flange_from_corkscrew.inverse()).matrix())}});
     }
     std::ofstream(scratch_ / "images.json") << file;
     const auto depthError = [&](const nlohmann::json& json) {
@@ -171,6 +156,11 @@ TEST_F(CorkscrewViewsTest, TwoViewsAreCoregisteredAndWrittenSlow) {
                                path("c.png") + "," + path("carm.json"), "--corkscrew", path("nominal.json")});
     EXPECT_EQ(same.exit_code, 4);
     EXPECT_THAT(errorMessage(same, "noSolution"), HasSubstr("look from the same direction"));
+    std::filesystem::copy_file(scratch_ / "a.png", scratch_ / "again.png");
+    const Finished twice = cli({"--json", "coregister", "--view", path("a.png") + "," + path("carm.json"), "--view",
+                                path("again.png") + "," + path("carm.json"), "--corkscrew", path("nominal.json")});
+    EXPECT_EQ(twice.exit_code, 3);
+    EXPECT_THAT(errorMessage(twice, "invalidInput"), HasSubstr("the same picture as"));
     const Finished odd = cli({"--json", "coregister", "--view", path("a.png")});
     EXPECT_EQ(odd.exit_code, 2);
     EXPECT_THAT(errorMessage(odd, "invalidOption"), HasSubstr("IMAGE,CARM"));

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
 
 #include <gmock/gmock.h>
@@ -18,6 +19,7 @@
 #include "core/simulation/corkscrew_objects.h"
 #include "core/simulation/truth.h"
 #include "tests/app/cli.h"
+#include "tests/app/poses.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
@@ -58,7 +60,7 @@ class RegisterImagesTest : public testing::Test {
         const Rigid3 imager_from_femur(upright, {-25, 0, 680});
         room_from_femur_ = seen.inverse() * imager_from_femur;
         const Rigid3 imager_from_corkscrew =
-            Rigid3::fromTranslation({22, 4, 690}) * Rigid3::fromTwistRollPitch(0.4, 0.2, M_PI / 2 + 0.1);
+            Rigid3::fromTranslation({22, 4, 690}) * Rigid3::fromTwistRollPitch(0.4, 0.2, std::numbers::pi / 2 + 0.1);
         const Rigid3 room_from_robot = truthOf(*room_).room_from_robot;
         robot_from_femur_ = room_from_robot.inverse() * room_from_femur_;
         mount_ = Rigid3(expRotation({0.3, 0.1, -0.2}), {5, 10, 120});
@@ -127,14 +129,10 @@ TEST_F(RegisterImagesTest, SlowChainFromImagesIsWhereTheFemurIs) {
     const test::Finished finished = chain({a, b});
     ASSERT_TRUE(finished.exit_code == 0 || finished.exit_code == 1) << finished.err;
     const nlohmann::json json = onlyJson(finished);
-    Matrix4 matrix;
-    for (int r = 0; r < 4; ++r)
-        for (int c = 0; c < 4; ++c)
-            matrix(r, c) = json["robot_from_femur"][static_cast<std::size_t>(r)][static_cast<std::size_t>(c)];
     const nlohmann::json& point = json["points"][0];
     EXPECT_EQ(point["name"], "beads' middle");
     const Vector3 middle(point["in_femur_mm"][0], point["in_femur_mm"][1], point["in_femur_mm"][2]);
-    const Vector3 off = (matrix * middle.homogeneous()).head<3>() - robot_from_femur_ * middle;
+    const Vector3 off = test::rigidOf(json["robot_from_femur"]) * middle - robot_from_femur_ * middle;
     const double radius95 = point["radius95_mm"];
     std::printf("error %.3f mm, stated 95 %% radius %.3f mm; %s\n", off.norm(), radius95,
                 point["sentence"].get<std::string>().c_str());

@@ -28,8 +28,7 @@ struct Options {
     double dimensions_mm = 0.05;
     double distortion_mm = CalibrationUncertainty{}.distortion_mm;
     double focal_percent = 0;
-    double robot_mm = 0;
-    double robot_deg = 0;
+    RobotNoise robot;
     HandEyeOptions calibration;
     double most_rotation_deg = degreesFromRadians(HandEyeLimits{}.most_rotation_rad);
     double turn_deg = degreesFromRadians(NextPoseOptions{}.most_turn_rad);
@@ -137,6 +136,7 @@ Result<Seen> look(const HandEyeFile& file, const Options& options, Progress& pro
     CalibrationUncertainty known;
     if (refine) known.dimensions_mm = options.dimensions_mm;
     known.distortion_mm = options.distortion_mm;
+    Pictures pictures;
     if (refine) known.focal_length = options.focal_percent / 100;
     for (std::size_t i = 0; i < file.entries.size(); ++i) {
         const HandEyeEntry& entry = file.entries[i];
@@ -151,7 +151,7 @@ Result<Seen> look(const HandEyeFile& file, const Options& options, Progress& pro
         }
         const double part = 1 / static_cast<double>(file.entries.size());
         SubProgress one(progress, part * static_cast<double>(i), part * static_cast<double>(i + 1));
-        Result<CorkscrewView> view = viewOf({entry.image, entry.carm}, *seen.layout, known, one);
+        Result<CorkscrewView> view = viewOf({entry.image, entry.carm}, *seen.layout, known, pictures, one);
         if (!view) {
             // An image without a pose is left out like one that contradicts the others; a missing file is not.
             if (view.error().code != ErrorCode::noSolution) return view.error();
@@ -181,8 +181,8 @@ Result<Report> run(const Options& options, Progress& progress) {
     }
 
     HandEyeOptions calibration = options.calibration;
-    calibration.robot_place_mm = options.robot_mm;
-    calibration.robot_rotation_rad = radiansFromDegrees(options.robot_deg);
+    calibration.robot_place_mm = options.robot.place_mm;
+    calibration.robot_rotation_rad = radiansFromDegrees(options.robot.rotation_deg);
     calibration.limits.most_rotation_rad = radiansFromDegrees(options.most_rotation_deg);
     SubProgress looking(progress, 0, 0.8), solving(progress, 0.8, 1);
     Result<Seen> seen = look(*file, options, looking);
@@ -235,36 +235,19 @@ Command declareCalibrateRobot(CLI::App& parent) {
     app->add_option("-o,--out", options->output, "flange_from_corkscrew, fluorocut/pose/1: .json")->required();
     app->add_option("--refine-dimensions", options->refined,
                     "From images: estimate the corkscrew's dimensions too, and write it, fluorocut/corkscrew/1: .json");
-    app->add_option("--dimension-sd-mm", options->dimensions_mm,
-                    "With it: standard deviation of a dimension as it was made")
-        ->check(between(0.0001, 10))
-        ->capture_default_str();
-    app->add_option("--distortion-mm", options->distortion_mm,
-                    "Of images: standard deviation of what the distortion map leaves, at the detector")
-        ->check(between(0, 10))
-        ->capture_default_str();
+    declareDimensions(*app, options->dimensions_mm);
+    declareDistortion(*app, options->distortion_mm);
     app->add_option("--focal-percent", options->focal_percent,
                     "With --refine-dimensions: standard deviation of the calibrated focal length; 0: exact. What the "
                     "images tell of it is no better than their distortion map")
         ->check(between(0, 50))
         ->capture_default_str();
-    app->add_option("--robot-sd-mm", options->robot_mm, "Standard deviation of the robot's place, per axis")
-        ->check(between(0, 100))
-        ->capture_default_str();
-    app->add_option("--robot-sd-deg", options->robot_deg, "Standard deviation of the robot's rotation, per axis")
-        ->check(between(0, 50))
-        ->capture_default_str();
+    declareRobotNoise(*app, options->robot);
     app->add_option("--max-turn-deg", options->turn_deg, "Of the suggested next pose, from the last one")
         ->check(between(1, 180))
         ->capture_default_str();
-    app->add_option("--max-place-mm", options->calibration.limits.most_place_mm,
-                    "Acceptance limit: standard deviation of the corkscrew's place, worst direction")
-        ->check(between(0, 1000))
-        ->capture_default_str();
-    app->add_option("--max-rotation-deg", options->most_rotation_deg,
-                    "Acceptance limit: standard deviation of its rotation, worst axis")
-        ->check(between(0, 180))
-        ->capture_default_str();
+    declareLimits(*app, options->calibration.limits.most_place_mm, "the corkscrew's place, worst direction",
+                  options->most_rotation_deg, "its rotation, worst axis");
     app->footer(
         "Three poses of the robot, turned about two axes, are enough; eight reach 0.05 mm. The C-arm stands still\n"
         "between observations whose \"imager\" is the same. The file:\n"

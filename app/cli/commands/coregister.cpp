@@ -39,8 +39,7 @@ struct Options {
     double focal_change_percent = 0.1;
     double dimensions_mm = CalibrationUncertainty{}.dimensions_mm;
     double distortion_mm = CalibrationUncertainty{}.distortion_mm;
-    double robot_mm = 0;
-    double robot_deg = 0;
+    RobotNoise robot;
     double least_angle_deg = degreesFromRadians(CoregistrationLimits{}.least_angle_rad);
     double most_rotation_deg = degreesFromRadians(CoregistrationLimits{}.most_rotation_rad);
     CoregistrationLimits limits;
@@ -120,11 +119,13 @@ Report reportOf(const Coregistration& result, const std::vector<CorkscrewView>& 
                          {"focal_length_sd_mm", focal_mm * view.shared_sigma[0]},
                          {"residual", arrayOf(view.seen_minus_predicted)},
                          {"rms_px", seen[i].pose.rms_px}});
-        report.line("view", fmt::format("{}: {:.2f} degrees from the first, +- {:.3f} mm, {:.3f} degrees; focal length "
-                                        "{:.2f} +- {:.2f} mm",
-                                        view.name, degreesFromRadians(view.angle_to_first_rad), view.worst_place_mm,
-                                        degreesFromRadians(view.worst_rotation_rad), focal_mm * (1 + view.shared[0]),
-                                        focal_mm * view.shared_sigma[0]));
+        const std::string place =
+            i == 0 ? "the first"
+                   : fmt::format("looks {:.2f} degrees from the first, known to {:.3f} mm, {:.3f} degrees",
+                                 degreesFromRadians(view.angle_to_first_rad), view.worst_place_mm,
+                                 degreesFromRadians(view.worst_rotation_rad));
+        report.line("view", fmt::format("{}: {}; focal length {:.2f} +- {:.2f} mm", view.name, place,
+                                        focal_mm * (1 + view.shared[0]), focal_mm * view.shared_sigma[0]));
     }
     report.json = {
         {"folder", options.output.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(options.output)},
@@ -139,6 +140,7 @@ Report reportOf(const Coregistration& result, const std::vector<CorkscrewView>& 
         {"elapsed_ms", result.elapsed_ms}};
     for (const std::string& one : result.warnings)
         report.line("warning", one);
+    if (!options.output.empty()) report.line("poses", options.output);
     report.judge(result.acceptance);
     return report;
 }
@@ -172,8 +174,8 @@ Result<Report> run(const Options& options, Progress& progress) {
     known.dimensions_mm = options.dimensions_mm;
     known.distortion_mm = options.distortion_mm;
     CoregistrationOptions coregistration;
-    coregistration.robot_place_mm = options.robot_mm;
-    coregistration.robot_rotation_rad = radiansFromDegrees(options.robot_deg);
+    coregistration.robot_place_mm = options.robot.place_mm;
+    coregistration.robot_rotation_rad = radiansFromDegrees(options.robot.rotation_deg);
     coregistration.limits = options.limits;
     coregistration.limits.least_angle_rad = radiansFromDegrees(options.least_angle_deg);
     coregistration.limits.most_rotation_rad = radiansFromDegrees(options.most_rotation_deg);
@@ -183,12 +185,13 @@ Result<Report> run(const Options& options, Progress& progress) {
         coregistration.flange_from_corkscrew = *mount;
     }
 
+    Pictures pictures;
     std::vector<CorkscrewView> seen;
     std::vector<CoregistrationView> views;
     for (std::size_t i = 0; i < files->size(); ++i) {
         const double part = 0.9 / static_cast<double>(files->size());
         SubProgress looking(progress, part * static_cast<double>(i), part * static_cast<double>(i + 1));
-        Result<CorkscrewView> view = viewOf((*files)[i].files, *layout, known, looking);
+        Result<CorkscrewView> view = viewOf((*files)[i].files, *layout, known, pictures, looking);
         if (!view) return view.error();
         CoregistrationView one;
         one.name = (*files)[i].files.image.string();
@@ -256,31 +259,15 @@ Command declareCoregister(CLI::App& parent) {
                     "Standard deviation of its change from position to position of the gantry")
         ->check(between(0, 50))
         ->capture_default_str();
-    app->add_option("--dimension-sd-mm", options->dimensions_mm, "Standard deviation of the corkscrew's dimensions")
-        ->check(between(0, 10))
-        ->capture_default_str();
-    app->add_option("--distortion-mm", options->distortion_mm,
-                    "Standard deviation of what the distortion map leaves, at the detector")
-        ->check(between(0, 10))
-        ->capture_default_str();
-    app->add_option("--robot-sd-mm", options->robot_mm, "Standard deviation of the robot's place, per axis")
-        ->check(between(0, 100))
-        ->capture_default_str();
-    app->add_option("--robot-sd-deg", options->robot_deg, "Standard deviation of the robot's rotation, per axis")
-        ->check(between(0, 50))
-        ->capture_default_str();
+    declareDimensions(*app, options->dimensions_mm);
+    declareDistortion(*app, options->distortion_mm);
+    declareRobotNoise(*app, options->robot);
     app->add_option("--min-angle-deg", options->least_angle_deg,
                     "Acceptance limit: angle between the two views that differ most")
         ->check(between(0, 90))
         ->capture_default_str();
-    app->add_option("--max-place-mm", options->limits.most_place_mm,
-                    "Acceptance limit: standard deviation of a point carried from the first view")
-        ->check(between(0, 1000))
-        ->capture_default_str();
-    app->add_option("--max-rotation-deg", options->most_rotation_deg,
-                    "Acceptance limit: standard deviation of a view's rotation")
-        ->check(between(0, 180))
-        ->capture_default_str();
+    declareLimits(*app, options->limits.most_place_mm, "a point carried from the first view",
+                  options->most_rotation_deg, "a view's rotation");
     app->footer(
         "Examples:\n"
         "  fluorocut-cli coregister --view ap.png,ap.json --view lateral.png,lateral.json -o views\n"

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/files.h"
+#include "app/cli/options.h"
 #include "core/io/resources.h"
 #include "core/registration/pose_network.h"
 
@@ -31,6 +32,39 @@ Error about(const std::filesystem::path& file, Error error) {
 
 }  // namespace
 
+void declareRobotNoise(CLI::App& app, RobotNoise& robot, const std::string& where) {
+    app.add_option("--robot-sd-mm", robot.place_mm, "Standard deviation of the robot's place, per axis" + where)
+        ->check(between(0, 100))
+        ->capture_default_str();
+    app.add_option("--robot-sd-deg", robot.rotation_deg, "Standard deviation of the robot's rotation, per axis" + where)
+        ->check(between(0, 50))
+        ->capture_default_str();
+}
+
+void declareDistortion(CLI::App& app, double& distortion_mm) {
+    app.add_option("--distortion-mm", distortion_mm,
+                   "Of images: standard deviation of what the distortion map leaves, at the detector")
+        ->check(between(0, 10))
+        ->capture_default_str();
+}
+
+void declareDimensions(CLI::App& app, double& dimensions_mm) {
+    app.add_option("--dimension-sd-mm", dimensions_mm,
+                   "Standard deviation of the corkscrew's dimensions as it was made")
+        ->check(between(0, 10))
+        ->capture_default_str();
+}
+
+void declareLimits(CLI::App& app, double& most_place_mm, const std::string& place, double& most_rotation_deg,
+                   const std::string& rotation) {
+    app.add_option("--max-place-mm", most_place_mm, "Acceptance limit: standard deviation of " + place)
+        ->check(between(0, 1000))
+        ->capture_default_str();
+    app.add_option("--max-rotation-deg", most_rotation_deg, "Acceptance limit: standard deviation of " + rotation)
+        ->check(between(0, 180))
+        ->capture_default_str();
+}
+
 Result<CorkscrewLayout> layoutOf(const std::string& corkscrew) {
     const Result<std::filesystem::path> file = findResource("fiducials", corkscrew);
     if (!file) return file.error();
@@ -38,7 +72,7 @@ Result<CorkscrewLayout> layoutOf(const std::string& corkscrew) {
 }
 
 Result<CorkscrewView> viewOf(const CorkscrewImage& image, const CorkscrewLayout& layout,
-                             const CalibrationUncertainty& calibration, Progress& progress) {
+                             const CalibrationUncertainty& calibration, Pictures& before, Progress& progress) {
     CorkscrewView view;
     Result<CArm> carm = readImager(image.carm);
     if (!carm) return carm.error();
@@ -48,6 +82,7 @@ Result<CorkscrewView> viewOf(const CorkscrewImage& image, const CorkscrewLayout&
         return invalidInput(image.image.string(), fmt::format("{} x {} pixels", file->info.width, file->info.height),
                             fmt::format("the {} x {} of {}", carm->columns, carm->rows, image.carm.string()));
     }
+    if (const Result<void> good = before.add(image.image.string(), file->image); !good) return good.error();
     view.carm = std::move(*carm);
     view.image = std::move(file->image);
     view.info = std::move(file->info);

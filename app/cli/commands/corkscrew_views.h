@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include <CLI/CLI.hpp>
+
+#include "app/cli/pictures.h"
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/fiducial/corkscrew_pose.h"
@@ -28,9 +31,20 @@ struct CorkscrewView {
     Matrix6 own_covariance;  // of the pose, of the same errors
 };
 
-// Errors name the image.
+// Errors name the image, also one that is the same as one before.
 Result<CorkscrewView> viewOf(const CorkscrewImage& image, const CorkscrewLayout& layout,
-                             const CalibrationUncertainty& calibration, Progress& progress);
+                             const CalibrationUncertainty& calibration, Pictures& before, Progress& progress);
+// Options that commands of such images share.
+struct RobotNoise {
+    double place_mm = 0, rotation_deg = 0;
+};
+void declareRobotNoise(CLI::App& app, RobotNoise& robot, const std::string& where = "");
+void declareDistortion(CLI::App& app, double& distortion_mm);
+void declareDimensions(CLI::App& app, double& dimensions_mm);
+// Acceptance limits: standard deviations of these.
+void declareLimits(CLI::App& app, double& most_place_mm, const std::string& place, double& most_rotation_deg,
+                   const std::string& rotation);
+
 // A corkscrew's file, or the name of one that comes with FluoroCut.
 Result<CorkscrewLayout> layoutOf(const std::string& corkscrew);
 

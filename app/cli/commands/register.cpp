@@ -30,7 +30,8 @@ Result<std::vector<std::string>> partsOf(const std::string& option, const std::s
     return parts;
 }
 
-Result<FemurView> beadViewOf(const BeadImage& files, const BeadLayout& layout, bool bright, Progress& progress) {
+Result<FemurView> beadViewOf(const BeadImage& files, const BeadLayout& layout, bool bright, Pictures& before,
+                             Progress& progress) {
     FemurView view;
     view.name = files.image;
     Result<CArm> carm = readImager(files.carm);
@@ -43,6 +44,7 @@ Result<FemurView> beadViewOf(const BeadImage& files, const BeadLayout& layout, b
                             fmt::format("the {} x {} of {}", view.carm.columns, view.carm.rows, files.carm),
                             "give each image the C-arm that it was taken with");
     }
+    if (const Result<void> good = before.add(files.image, file->image); !good) return good.error();
     // A bead in a femur lies between half way to the detector and the detector.
     double least = layout.beads.front().diameter_mm, most = least;
     for (const Bead& bead : layout.beads) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "app/cli/command.h"
+#include "app/cli/commands/corkscrew_views.h"
 #include "core/base/acceptance.h"
 #include "core/fiducial/femur_beads.h"
 #include "core/imaging/carm.h"
@@ -25,8 +26,9 @@ struct BeadImage {
     int frame = 1;
 };
 
-// Shadows of beads of the layout's sizes in an image of a patient.
-Result<FemurView> beadViewOf(const BeadImage& image, const BeadLayout& layout, bool bright, Progress& progress);
+// Shadows of beads of the layout's sizes in an image of a patient, that is not the same as one before.
+Result<FemurView> beadViewOf(const BeadImage& image, const BeadLayout& layout, bool bright, Pictures& before,
+                             Progress& progress);
 
 // The points whose errors are wanted: "[NAME=]x,y,z" in mm of the femur.
 Result<std::vector<NamedPoint>> pointsOf(const std::vector<std::string>& texts);
@@ -40,7 +42,7 @@ struct ChainInput {
     BeadUncertainty uncertainty;
     double focal_percent = 100 * BeadUncertainty{}.focal_length;
     double dimensions_mm = 0.02;
-    double robot_mm = 0, robot_deg = 0;
+    RobotNoise robot;
     std::vector<std::string> at;
 };
 void declareInput(CLI::App& app, ChainInput& input);

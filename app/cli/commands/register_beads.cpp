@@ -73,6 +73,7 @@ Result<Report> run(const Options& options, Progress& progress) {
     if (!layout) return layout.error();
     std::vector<FemurView> views;
     std::set<std::string> images;
+    Pictures pictures;
     for (std::size_t i = 0; i < options.views.size(); ++i) {
         const Result<std::vector<std::string>> files = partsOf("--view", options.views[i], 2, "IMAGE,CARM");
         if (!files) return files.error();
@@ -80,7 +81,7 @@ Result<Report> run(const Options& options, Progress& progress) {
             return invalidOption("--view", (*files)[0] + " a second time", "another image for each view");
         const double part = 0.5 / static_cast<double>(options.views.size());
         SubProgress detecting(progress, part * static_cast<double>(i), part * static_cast<double>(i + 1));
-        Result<FemurView> view = beadViewOf({(*files)[0], (*files)[1]}, *layout, options.bright, detecting);
+        Result<FemurView> view = beadViewOf({(*files)[0], (*files)[1]}, *layout, options.bright, pictures, detecting);
         if (!view) return view.error();
         if (!options.coregistered.empty() && i > 0) {
             const fs::path file = fs::path(options.coregistered) / fmt::format("view_{}.json", i + 1);
@@ -135,6 +136,7 @@ Result<Report> run(const Options& options, Progress& progress) {
         report.line("left out", one);
     for (const std::string& one : result->warnings)
         report.line("warning", one);
+    if (!options.output.empty()) report.line("poses", options.output);
     report.judge(result->acceptance);
     return report;
 }
@@ -150,8 +152,10 @@ Command declareRegisterBeads(CLI::App& parent) {
         ->allow_extra_args(false);
     app->add_option("--beads", options->beads, "fluorocut/beads/1, frame femur")->required();
     app->add_option("-o,--out", options->output, "Folder for the poses: femur_N.json (fluorocut/pose/1)");
-    app->add_option("--coregistered", options->coregistered,
-                    "Folder that coregister wrote for the same views in the same order: their geometry is then known");
+    app->add_option(
+        "--coregistered", options->coregistered,
+        "Folder that coregister wrote for the same views in the same order: their geometry is then known, and "
+        "views that do not fit are refused");
     app->add_flag("--bright", options->bright, "The beads are brighter than what lies around them");
     app->add_option("--focal-percent", options->focal_percent, "Standard deviation of the calibrated focal length")
         ->check(between(0, 20))
@@ -175,9 +179,12 @@ Command declareRegisterBeads(CLI::App& parent) {
         ->check(between(0, 1000))
         ->capture_default_str();
     app->footer(
-        "Example:\n"
+        "Examples:\n"
         "  fluorocut-cli register beads --view ap.png,ap.json --view lateral.png,lateral.json --beads femur.json -o "
-        "poses");
+        "poses\n"
+        "  fluorocut-cli coregister --view ap.png,ap.json --view lateral.png,lateral.json -o views\n"
+        "  fluorocut-cli register beads --view ap.png,ap.json --view lateral.png,lateral.json --beads femur.json \\\n"
+        "      --coregistered views -o poses");
     return {app, [options](Progress& progress) { return run(*options, progress); }};
 }
 

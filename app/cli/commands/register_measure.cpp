@@ -103,6 +103,7 @@ Result<Measured> fromImages(const ChainInput& input, Progress& progress) {
     problem.flange_from_corkscrew = *mount;
     Parameters parameters(problem.parameters);
     std::vector<FemurView> femur_views;
+    Pictures pictures;
     for (std::size_t i = 0; i < files->size(); ++i) {
         const ViewFiles& view_files = (*files)[i];
         for (const std::string& file : {view_files.image, view_files.carm, view_files.robot})
@@ -116,10 +117,12 @@ Result<Measured> fromImages(const ChainInput& input, Progress& progress) {
         view.robot_from_flange = *robot;
         if (!robot->covariance) {
             Vector6 sigma;
-            sigma << Vector3::Constant(input.robot_mm), Vector3::Constant(radiansFromDegrees(input.robot_deg));
+            sigma << Vector3::Constant(input.robot.place_mm),
+                Vector3::Constant(radiansFromDegrees(input.robot.rotation_deg));
             view.robot_from_flange.covariance = sigma.cwiseAbs2().asDiagonal();
         }
-        Result<FemurView> femur = beadViewOf({view_files.image, view_files.carm}, *beads, input.bright, detecting);
+        Result<FemurView> femur =
+            beadViewOf({view_files.image, view_files.carm}, *beads, input.bright, pictures, detecting);
         if (!femur) return femur.error();
         Result<PoseMeasurement> seen = seenCorkscrew(view_files, femur->carm, *corkscrew, measured, looking);
         if (!seen) return seen.error();
@@ -186,16 +189,8 @@ void declareInput(CLI::App& app, ChainInput& input) {
     app.add_option("--bead-sd-mm", input.uncertainty.bead_mm, "Standard deviation of each bead's place in the femur")
         ->check(between(0, 5))
         ->capture_default_str();
-    app.add_option("--dimension-sd-mm", input.dimensions_mm, "Standard deviation of the corkscrew's dimensions")
-        ->check(between(0, 10))
-        ->capture_default_str();
-    app.add_option("--robot-sd-mm", input.robot_mm,
-                   "Standard deviation of the robot's place, per axis, where its pose has no covariance")
-        ->check(between(0, 100))
-        ->capture_default_str();
-    app.add_option("--robot-sd-deg", input.robot_deg, "The same of its rotation")
-        ->check(between(0, 50))
-        ->capture_default_str();
+    declareDimensions(app, input.dimensions_mm);
+    declareRobotNoise(app, input.robot, ", where its pose has no covariance");
     app.add_option("--at-mm", input.at,
                    "Point of the femur whose error is wanted, x,y,z or NAME=x,y,z; again for each further one")
         ->allow_extra_args(false);

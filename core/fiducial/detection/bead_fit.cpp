@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <Eigen/Dense>
 
@@ -272,7 +273,8 @@ class Fit {
             explained += seen * seen;
             left += residual * residual - pixel.variance / (pixel.level * slope * pixel.level * slope);
             // The rim, where round tells itself from straight; eight sectors.
-            const auto sector = static_cast<std::size_t>(std::floor((std::atan2(dv, du) / M_PI + 1) * 4)) % 8;
+            const auto sector =
+                static_cast<std::size_t>(std::floor((std::atan2(dv, du) / std::numbers::pi + 1) * 4)) % 8;
             sector_sum[sector] += (seen - residual) * seen;
             sector_norm[sector] += seen * seen;
         }

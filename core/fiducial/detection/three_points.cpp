@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <complex>
+#include <numbers>
 
 namespace fluorocut::detection {
 namespace {
@@ -35,7 +36,7 @@ std::vector<double> realRootsOfQuartic(const std::array<double, 5>& a) {
     const Complex w = std::pow(cube, 1.0 / 3);
     Complex best = 0;
     for (int i = 0; i < 3; ++i) {
-        const Complex turned = w * std::polar(1.0, 2 * M_PI * i / 3);
+        const Complex turned = w * std::polar(1.0, 2 * std::numbers::pi * i / 3);
         const Complex z = (std::abs(turned) > 0 ? turned - s / (3.0 * turned) : Complex(0)) - k2 / 3;
         if (std::abs(z) > std::abs(best)) best = z;
     }
