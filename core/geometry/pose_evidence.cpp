@@ -18,7 +18,10 @@ Eigen::LDLT<Matrix6> ofPose(const PoseEvidence& evidence) {
 }  // namespace
 
 Eigen::MatrixXd PoseEvidence::sensitivity() const {
-    return -ofPose(*this).solve(information.topRightCorner(6, shared.size()));
+    const auto of_pose = ofPose(*this);
+    // Eigen's solvers form addresses past a matrix without columns.
+    if (shared.size() == 0) return Eigen::MatrixXd::Zero(6, 0);
+    return -of_pose.solve(information.topRightCorner(6, shared.size()));
 }
 
 Rigid3 PoseEvidence::poseGiven(const Eigen::VectorXd& values) const {

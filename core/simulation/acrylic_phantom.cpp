@@ -5,8 +5,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/base/option_checks.h"
 #include "core/base/parallel.h"
-#include "core/simulation/option_checks.h"
+#include "core/simulation/voxel_count.h"
 
 namespace fluorocut {
 namespace {

@@ -4,11 +4,12 @@
 #include <chrono>
 #include <cmath>
 
+#include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/simulation/implicit.h"
-#include "core/simulation/option_checks.h"
 #include "core/simulation/pelvis_shape.h"
 #include "core/simulation/soft_tissue.h"
+#include "core/simulation/voxel_count.h"
 
 namespace fluorocut {
 namespace {

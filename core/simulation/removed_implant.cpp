@@ -2,9 +2,9 @@
 
 #include <numbers>
 
+#include "core/base/option_checks.h"
 #include "core/base/random.h"
 #include "core/simulation/implicit.h"
-#include "core/simulation/option_checks.h"
 
 namespace fluorocut {
 

@@ -1,5 +1,7 @@
 #include "core/fiducial/corkscrew_refinement/row_kernels.h"
 
+#include "core/base/instruction_set.h"
+
 namespace fluorocut::corkscrew {
 
 namespace baseline {
@@ -12,8 +14,7 @@ extern const RowKernels kKernels;
 int rowKernelSets(const RowKernels* sets[2]) {
     int count = 0;
     sets[count++] = &baseline::kKernels;
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) sets[count++] = &avx2::kKernels;
+    if (instructionSet() >= InstructionSet::avx2) sets[count++] = &avx2::kKernels;
     return count;
 }
 

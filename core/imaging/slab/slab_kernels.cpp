@@ -1,5 +1,7 @@
 #include "core/imaging/slab/slab_kernels.h"
 
+#include "core/base/instruction_set.h"
+
 namespace fluorocut {
 
 namespace baseline {
@@ -15,14 +17,9 @@ extern const SlabKernels kKernels;
 int slabKernelSets(const SlabKernels* sets[3]) {
     int count = 0;
     sets[count++] = &baseline::kKernels;
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-        sets[count++] = &avx2::kKernels;
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-            __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
-            sets[count++] = &avx512::kKernels;
-        }
-    }
+    const InstructionSet best = instructionSet();
+    if (best >= InstructionSet::avx2) sets[count++] = &avx2::kKernels;
+    if (best >= InstructionSet::avx512) sets[count++] = &avx512::kKernels;
     return count;
 }
 

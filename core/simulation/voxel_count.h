@@ -1,9 +1,9 @@
-// One-line checks for the options of the generated patients.
+// How large the generated patients may be.
 #pragma once
 
 #include <fmt/format.h>
 
-#include "core/base/option_checks.h"
+#include "core/base/result.h"
 
 namespace fluorocut {
 
