@@ -1,0 +1,98 @@
+#include "tests/core/cutting/cavities.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace fluorocut {
+
+CavityShape cylinderCavity(double radius, double depth) {
+    return {[=](const Vector3& p) { return std::max(p.head<2>().norm() - radius, -depth - p.z()); },
+            Vector3(-radius, -radius, -depth), Vector3(radius, radius, 0)};
+}
+
+CavityShape coneCavity(double tip, double top, double depth) {
+    // The wall touches both balls: it leans by asin((top - tip) / h) over the h between their centres.
+    const double h = depth - tip, sine = (top - tip) / h, cosine = std::sqrt(1 - sine * sine);
+    const auto distance = [=](const Vector3& p) {
+        const double rho = p.head<2>().norm(), z = p.z() + h;  // above the lower ball's centre
+        // Along the wall, from where it touches the ball.
+        const double along = z * cosine + rho * sine;
+        return along < 0 ? std::hypot(rho, z) - tip : rho * cosine - z * sine - tip;
+    };
+    const double widest = top / cosine;
+    return {distance, Vector3(-widest, -widest, -depth), Vector3(widest, widest, 0)};
+}
+
+CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth, double rounding) {
+    // Planes n.p <= c; the solid is their intersection moved in by the rounding and grown by it again.
+    std::array<Vector3, 5> normal;
+    std::array<double, 5> limit;
+    for (int axis = 0; axis < 2; ++axis) {
+        const double lean = (top[axis] - floor[axis]) / depth;
+        for (int side = 0; side < 2; ++side) {
+            Vector3 n(0, 0, -lean);
+            n[axis] = side ? 1 : -1;
+            const std::size_t k = static_cast<std::size_t>(2 * axis + side);
+            limit[k] = top[axis] / n.norm() - rounding;
+            normal[k] = n.normalized();
+        }
+    }
+    normal[4] = -Vector3::UnitZ();
+    limit[4] = depth - rounding;
+    const auto distance = [=](const Vector3& p) {
+        double inside = -1e9;
+        for (std::size_t k = 0; k < 5; ++k)
+            inside = std::max(inside, normal[k].dot(p) - limit[k]);
+        if (inside <= 0) return inside - rounding;
+        // The nearest point of the intersection of half spaces (Dykstra).
+        Vector3 x = p;
+        std::array<Vector3, 5> correction;
+        correction.fill(Vector3::Zero());
+        for (int round = 0; round < 100; ++round) {
+            const Vector3 before = x;
+            for (std::size_t k = 0; k < 5; ++k) {
+                const Vector3 y = x + correction[k];
+                x = y - std::max(normal[k].dot(y) - limit[k], 0.0) * normal[k];
+                correction[k] = y - x;
+            }
+            if ((x - before).norm() < 1e-7) break;
+        }
+        return (p - x).norm() - rounding;
+    };
+    const double wide = std::max(top.x(), floor.x()), deep = std::max(top.y(), floor.y());
+    return {distance, Vector3(-wide, -deep, -depth), Vector3(wide, deep, 0)};
+}
+
+CavityShape bowedCavity(double radius, double depth, double bow_radius) {
+    const double angle = std::asin((depth - radius) / bow_radius);
+    const auto distance = [=](const Vector3& p) {
+        // The arc's circle: in the plane y = 0, round (bow_radius, 0, 0).
+        const Vector2 in_plane(bow_radius - p.x(), -p.z());
+        const double at = std::atan2(in_plane.y(), in_plane.x());
+        if (at < 0) return std::hypot(p.x(), p.y()) - radius;  // straight on above the top
+        if (at <= angle) return std::hypot(in_plane.norm() - bow_radius, p.y()) - radius;
+        const Vector3 end(bow_radius * (1 - std::cos(angle)), 0, -bow_radius * std::sin(angle));
+        return (p - end).norm() - radius;
+    };
+    return {distance, Vector3(-radius, -radius, -depth),
+            Vector3(radius + bow_radius * (1 - std::cos(angle)), radius, 0)};
+}
+
+Volume fieldOf(const CavityShape& shape, double spacing) {
+    VolumeGrid grid;
+    const Vector3 margin(1.5, 1.5, 1.5);
+    const Vector3 size = shape.high - shape.low + 2 * margin;
+    for (int axis = 0; axis < 3; ++axis)
+        grid.size[static_cast<std::size_t>(axis)] = static_cast<int>(std::ceil(size[axis] / spacing)) + 2;
+    grid.spacing_mm = Vector3::Constant(spacing);
+    grid.origin_mm = shape.low - margin;
+    Volume field(grid);
+    for (int k = 0; k < field.size(2); ++k)
+        for (int j = 0; j < field.size(1); ++j)
+            for (int i = 0; i < field.size(0); ++i)
+                field(i, j, k) = static_cast<float>(shape.distance(grid.pointFromIndex(Vector3(i, j, k))));
+    return field;
+}
+
+}  // namespace fluorocut

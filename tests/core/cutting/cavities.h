@@ -1,0 +1,33 @@
+// Cavities whose signed distance is known without any mesh, for tests of cutting. Frame `cavity`, mm; all run on upward
+// for ever, their top (where the path begins) is at z = 0.
+#pragma once
+
+#include <functional>
+
+#include "core/geometry/triangle_mesh.h"
+#include "core/image/volume.h"
+
+namespace fluorocut {
+
+struct CavityShape {
+    std::function<double(const Vector3&)> distance;  // exact inside, negative there
+    Vector3 low, high;                               // a box that holds it up to its top
+};
+
+// Flat floor at z = -depth.
+CavityShape cylinderCavity(double radius, double depth);
+
+// A cone round +z with a round tip: balls of radius tip at z = tip - depth, and `top` at z = 0, and all between.
+CavityShape coneCavity(double tip, double top, double depth);
+
+// Four leaning walls and a flat floor, all edges rounded by `rounding`; half widths (x, y) at the floor and at z = 0.
+CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth, double rounding);
+
+// A tube of this radius round an arc from the origin down to z = -depth, at first straight down, then toward +x. Not
+// swept: with the spindle along z its lower end is out of reach.
+CavityShape bowedCavity(double radius, double depth, double bow_radius);
+
+// On a grid with room around, up to 3 mm above the top.
+Volume fieldOf(const CavityShape& shape, double spacing);
+
+}  // namespace fluorocut
