@@ -99,11 +99,20 @@ TEST_F(CorkscrewCommand, RefusesWhatIsNoPictureOfThisCorkscrew) {
     EXPECT_THAT(errorMessage(none, "noSolution"), HasSubstr("corkscrew"));
 }
 
+// A fifth off the fits still hold together; by a factor of 2 already the search finds nothing, or nonsense.
 TEST_F(CorkscrewCommand, RefusesAPixelSizeThatThePerspectiveContradicts) {
     makePicture({"--roll-deg", "25", "--clutter"});
-    const auto found = cli({"corkscrew", "pose", path("shot.png"), "--carm", carm(0.25), "--json"});
-    EXPECT_EQ(found.exit_code, 4) << found.out;
-    EXPECT_THAT(errorMessage(found, "noSolution"), HasSubstr("pixel's size"));
+    for (const double pixel_mm : {0.16, 0.25, 0.39, 0.64}) {
+        const auto found = cli({"corkscrew", "pose", path("shot.png"), "--carm", carm(pixel_mm), "--json"});
+        EXPECT_EQ(found.exit_code, 4) << found.out;
+        const std::string message = errorMessage(found, "noSolution");
+        EXPECT_THAT(message, HasSubstr("pixel's size"));
+        const std::string before = "a pixel of about ";
+        const auto at = message.find(before);
+        ASSERT_NE(at, std::string::npos) << message;
+        // To two digits, and as well as one picture's perspective tells.
+        EXPECT_NEAR(std::stod(message.substr(at + before.size())), CArm().pixel_mm.x(), 0.025) << pixel_mm;
+    }
 }
 
 TEST_F(CorkscrewCommand, NamesTheFileThatDoesNotFit) {
