@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "core/fabrication/polygon.h"
+#include "core/geometry/polygon.h"
 
 namespace fluorocut {
 namespace {

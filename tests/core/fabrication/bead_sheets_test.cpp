@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 
 #include "core/fabrication/plate_drawing.h"
-#include "core/fabrication/polygon.h"
+#include "core/geometry/polygon.h"
 #include "core/geometry/mesh_properties.h"
 #include "tests/support/fixtures.h"
 

@@ -1,4 +1,4 @@
-#include "core/fabrication/polygon.h"
+#include "core/geometry/polygon.h"
 
 #include <algorithm>
 #include <limits>

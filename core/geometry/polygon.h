@@ -1,4 +1,4 @@
-// Triangles of a polygon with holes: the faces of a drilled sheet.
+// Triangles of a polygon with holes: the faces of a drilled sheet, the cap of a solid that a plane has cut.
 //
 // Holes are joined to the outline by bridges (Eberly, "Triangulation by ear clipping", 2002), then ears are cut off.
 // Only the given points are used, so that faces meet walls without a gap. O(n^2): for some thousand points.
