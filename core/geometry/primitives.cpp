@@ -1,5 +1,6 @@
 #include "core/geometry/primitives.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -73,60 +74,78 @@ TriangleMesh makeEllipsoid(const Vector3& radii_mm, int subdivisions) {
     return mesh;
 }
 
+Vector2 superellipsePoint(const Vector2& half_width_mm, double exponent, double angle_rad) {
+    const Vector2 unit(std::cos(angle_rad), std::sin(angle_rad));
+    const double radius =
+        std::pow(std::pow(std::abs(unit.x()), exponent) + std::pow(std::abs(unit.y()), exponent), -1 / exponent);
+    return radius * unit.cwiseProduct(half_width_mm);
+}
+
+TriangleMesh makeSkin(const std::vector<std::vector<Vector3>>& rings) {
+    require(rings.size() >= 2, "makeSkin: fewer than 2 rings");
+    std::int32_t around = 0;
+    for (const auto& ring : rings)
+        around = std::max(around, static_cast<std::int32_t>(ring.size()));
+    require(around >= 3, "makeSkin: rings of fewer than 3 points");
+    TriangleMesh mesh;
+    std::vector<std::int32_t> first;
+    for (std::size_t r = 0; r < rings.size(); ++r) {
+        const bool end = r == 0 || r + 1 == rings.size();
+        require(static_cast<std::int32_t>(rings[r].size()) == around || (end && rings[r].size() == 1),
+                "makeSkin: rings of different size");
+        first.push_back(static_cast<std::int32_t>(mesh.vertices.size()));
+        mesh.vertices.insert(mesh.vertices.end(), rings[r].begin(), rings[r].end());
+    }
+    const auto isPoint = [&](std::size_t r) { return rings[r].size() == 1; };
+    require(rings.size() > 2 || !(isPoint(0) && isPoint(1)), "makeSkin: nothing but points");
+    for (std::int32_t i = 0; i < around; ++i) {
+        const std::int32_t j = (i + 1) % around;
+        for (std::size_t r = 0; r + 1 < rings.size(); ++r) {
+            const std::int32_t low = first[r], high = first[r + 1];
+            if (!isPoint(r)) mesh.triangles.push_back({low + i, low + j, high + (isPoint(r + 1) ? 0 : j)});
+            if (!isPoint(r + 1)) mesh.triangles.push_back({low + (isPoint(r) ? 0 : i), high + j, high + i});
+        }
+    }
+    for (const bool top : {false, true}) {
+        const std::size_t r = top ? rings.size() - 1 : 0;
+        if (isPoint(r)) continue;
+        Vector3 sum = Vector3::Zero();  // about one of them: flat rings get flat caps to the last bit
+        for (const Vector3& p : rings[r])
+            sum += p - rings[r][0];
+        const auto hub = static_cast<std::int32_t>(mesh.vertices.size());
+        mesh.vertices.push_back(rings[r][0] + sum / around);
+        for (std::int32_t i = 0; i < around; ++i) {
+            const std::int32_t j = (i + 1) % around;
+            mesh.triangles.push_back({hub, first[r] + (top ? i : j), first[r] + (top ? j : i)});
+        }
+    }
+    return mesh;
+}
+
 TriangleMesh makeLoft(const std::vector<LoftSection>& sections, int segments) {
     require(segments >= 3 && sections.size() >= 2, "makeLoft: fewer than 3 segments or 2 sections");
-    TriangleMesh mesh;
-    const auto add = [&](const Vector3& v) {
-        mesh.vertices.push_back(v);
-        return static_cast<std::int32_t>(mesh.vertices.size() - 1);
-    };
-    // Each ring is `segments` vertices counter-clockwise seen from +z, or one vertex where a section is a point.
-    struct Ring {
-        std::int32_t first;
-        bool point;
-    };
-    std::vector<Ring> rings;
+    std::vector<std::vector<Vector3>> rings;
     for (std::size_t s = 0; s < sections.size(); ++s) {
         const LoftSection& section = sections[s];
         const bool point = section.half_width_mm == Vector2::Zero();
         require(s == 0 || section.z_mm > sections[s - 1].z_mm, "makeLoft: z does not increase");
         require(point || ((section.half_width_mm.array() > 0).all() && section.exponent > 0),
                 "makeLoft: a section without width");
-        require(!point || ((s == 0 || s + 1 == sections.size()) && !(s == 1 && rings[0].point)),
+        require(!point || ((s == 0 || s + 1 == sections.size()) && !(s == 1 && rings[0].size() == 1)),
                 "makeLoft: a point that is not an end, or nothing but points");
         const Vector3 center(section.center_mm.x(), section.center_mm.y(), section.z_mm);
-        rings.push_back({static_cast<std::int32_t>(mesh.vertices.size()), point});
-        if (point) add(center);
-        for (int i = 0; i < segments && !point; ++i) {
-            const double angle = 2 * std::numbers::pi * i / segments;
-            const Vector2 unit(std::cos(angle), std::sin(angle));
-            const double radius = std::pow(
-                std::pow(std::abs(unit.x()), section.exponent) + std::pow(std::abs(unit.y()), section.exponent),
-                -1 / section.exponent);
-            const Vector2 xy = radius * unit.cwiseProduct(section.half_width_mm);
-            add(center + Vector3(xy.x(), xy.y(), 0));
+        std::vector<Vector3>& ring = rings.emplace_back();
+        if (point) {
+            ring.push_back(center);
+            continue;
         }
-    }
-    for (int i = 0; i < segments; ++i) {
-        const int j = (i + 1) % segments;
-        for (std::size_t s = 0; s + 1 < rings.size(); ++s) {
-            const Ring low = rings[s], high = rings[s + 1];
-            if (!low.point) mesh.triangles.push_back({low.first + i, low.first + j, high.first + (high.point ? 0 : j)});
-            if (!high.point)
-                mesh.triangles.push_back({low.first + (low.point ? 0 : i), high.first + j, high.first + i});
-        }
-    }
-    const auto cap = [&](const LoftSection& section, const Ring& ring, bool top) {
-        if (ring.point) return;
-        const std::int32_t hub = add({section.center_mm.x(), section.center_mm.y(), section.z_mm});
         for (int i = 0; i < segments; ++i) {
-            const int j = (i + 1) % segments;
-            mesh.triangles.push_back({hub, ring.first + (top ? i : j), ring.first + (top ? j : i)});
+            const Vector2 xy =
+                superellipsePoint(section.half_width_mm, section.exponent, 2 * std::numbers::pi * i / segments);
+            ring.emplace_back(center.x() + xy.x(), center.y() + xy.y(), center.z());
         }
-    };
-    cap(sections.front(), rings.front(), false);
-    cap(sections.back(), rings.back(), true);
-    return mesh;
+    }
+    return makeSkin(rings);
 }
 
 TriangleMesh makeTube(const std::vector<TubePoint>& line, double radius_mm, int segments, bool closed) {

@@ -27,6 +27,14 @@ struct LoftSection {
     double exponent = 2;
 };
 
+// The point of a section's border in the direction `angle_rad` from its centre (which need not be evenly spaced along
+// the border).
+Vector2 superellipsePoint(const Vector2& half_width_mm, double exponent, double angle_rad);
+
+// Rings of equally many points joined by straight faces: each counter-clockwise seen from where the next one lies. An
+// end may be a single point, otherwise it is closed by a fan about its corners' mean.
+TriangleMesh makeSkin(const std::vector<std::vector<Vector3>>& rings);
+
 // Sections (z increasing) joined by straight faces, with flat ends.
 TriangleMesh makeLoft(const std::vector<LoftSection>& sections, int segments);
 
