@@ -31,9 +31,13 @@ struct ToolSegment {
     Vector3 spindle = Vector3::UnitZ();  // unit, out of the bone
 };
 
-// From a point to the parallelogram of a segment: sqrt of the squared distance, 1e-12 relative. Segments without length
-// and segments along the spindle are lines.
-double distanceToSweep(const ToolSegment& segment, double length_mm, const Vector3& point);
+// The nearest point of a segment's parallelogram. Segments without length and segments along the spindle are lines.
+Vector3 nearestOnSweep(const ToolSegment& segment, double length_mm, const Vector3& point);
+
+// To it: sqrt of the squared distance, 1e-12 relative.
+inline double distanceToSweep(const ToolSegment& segment, double length_mm, const Vector3& point) {
+    return (point - nearestOnSweep(segment, length_mm, point)).norm();
+}
 
 // Signed distance (exact outside; inside at least its negative is that of the nearest single position) from what the
 // cutter takes away on its way: negative where bone is removed.

@@ -235,6 +235,7 @@ class Writer {
 
     ToolPath finished() {
         path_.cutter = options_.cutter;
+        path_.most_cusp_mm = options_.most_cusp_mm;
         path_.layers = static_cast<int>(plan_.layers.size());
         path_.cutting_mm = path_.time_s = 0;
         for (const ToolMove& m : path_.moves) {

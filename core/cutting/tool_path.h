@@ -69,6 +69,7 @@ struct ToolPathOptions {
 
 struct ToolPath {
     Cutter cutter;
+    double most_cusp_mm = std::numeric_limits<double>::quiet_NaN();  // it was planned to leave
     std::vector<ToolMove> moves;
     int layers = 0;
     double cutting_mm = std::numeric_limits<double>::quiet_NaN();  // length of the moves that cut

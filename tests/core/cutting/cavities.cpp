@@ -3,12 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 namespace fluorocut {
 
-CavityShape cylinderCavity(double radius, double depth) {
-    return {[=](const Vector3& p) { return std::max(p.head<2>().norm() - radius, -depth - p.z()); },
-            Vector3(-radius, -radius, -depth), Vector3(radius, radius, 0)};
+CavityShape cylinderCavity(double radius, double depth, double rounding) {
+    const auto distance = [=](const Vector3& p) {
+        const Vector2 beyond(p.head<2>().norm() - (radius - rounding), -(depth - rounding) - p.z());
+        return (beyond.maxCoeff() <= 0 ? beyond.maxCoeff() : beyond.cwiseMax(0).norm()) - rounding;
+    };
+    return {distance, Vector3(-radius, -radius, -depth), Vector3(radius, radius, 0),
+            [](double) { return Vector2(0, 0); }, std::min(0.0, 3 - depth)};
 }
 
 CavityShape coneCavity(double tip, double top, double depth) {
@@ -21,7 +26,8 @@ CavityShape coneCavity(double tip, double top, double depth) {
         return along < 0 ? std::hypot(rho, z) - tip : rho * cosine - z * sine - tip;
     };
     const double widest = top / cosine;
-    return {distance, Vector3(-widest, -widest, -depth), Vector3(widest, widest, 0)};
+    return {distance, Vector3(-widest, -widest, -depth), Vector3(widest, widest, 0),
+            [](double) { return Vector2(0, 0); }, -h};
 }
 
 CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth, double rounding) {
@@ -61,7 +67,8 @@ CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth
         return (p - x).norm() - rounding;
     };
     const double wide = std::max(top.x(), floor.x()), deep = std::max(top.y(), floor.y());
-    return {distance, Vector3(-wide, -deep, -depth), Vector3(wide, deep, 0)};
+    return {distance, Vector3(-wide, -deep, -depth), Vector3(wide, deep, 0), [](double) { return Vector2(0, 0); },
+            rounding - depth};
 }
 
 CavityShape bowedCavity(double radius, double depth, double bow_radius) {
@@ -76,7 +83,54 @@ CavityShape bowedCavity(double radius, double depth, double bow_radius) {
         return (p - end).norm() - radius;
     };
     return {distance, Vector3(-radius, -radius, -depth),
-            Vector3(radius + bow_radius * (1 - std::cos(angle)), radius, 0)};
+            Vector3(radius + bow_radius * (1 - std::cos(angle)), radius, 0),
+            [=](double z) {
+                const double at = std::asin(std::clamp(-z / bow_radius, 0.0, std::sin(angle)));
+                return Vector2(bow_radius * (1 - std::cos(at)), 0);
+            },
+            -bow_radius * std::sin(angle)};
+}
+
+TriangleMesh meshOf(const CavityShape& shape, int sections, int segments) {
+    // Where a ray from inside leaves the shape.
+    const auto leave = [&](const Vector3& from, const Vector3& way) {
+        double in = 0, out = 4 * (shape.high - shape.low).norm();
+        while (out - in > 1e-9)
+            (shape.distance(from + 0.5 * (in + out) * way) < 0 ? in : out) = 0.5 * (in + out);
+        return Vector3(from + in * way);
+    };
+    TriangleMesh mesh;
+    const Vector2 low = shape.axis(shape.middle);
+    const Vector3 bottom(low.x(), low.y(), shape.middle);
+    mesh.vertices.push_back(leave(bottom, -Vector3::UnitZ()));
+    const int rings = 2 * sections;  // as many round the bottom as up the wall
+    for (int ring = 1; ring <= rings; ++ring) {
+        for (int s = 0; s < segments; ++s) {
+            const double around = 2 * std::numbers::pi * s / segments;
+            const Vector3 out(std::cos(around), std::sin(around), 0);
+            if (ring <= sections) {
+                const double polar = 0.5 * std::numbers::pi * ring / sections;
+                mesh.vertices.push_back(leave(bottom, std::sin(polar) * out - std::cos(polar) * Vector3::UnitZ()));
+            } else {
+                const double z = shape.middle * (rings - ring) / sections;
+                const Vector2 at = shape.axis(z);
+                mesh.vertices.push_back(leave({at.x(), at.y(), z}, out));
+                mesh.vertices.back().z() = z;
+            }
+        }
+    }
+    const Vector2 top = shape.axis(0);
+    mesh.vertices.emplace_back(top.x(), top.y(), 0);
+    const auto vertex = [&](int ring, int s) { return 1 + (ring - 1) * segments + s % segments; };
+    for (int s = 0; s < segments; ++s) {
+        mesh.triangles.push_back({0, vertex(1, s + 1), vertex(1, s)});
+        for (int ring = 1; ring < rings; ++ring) {
+            mesh.triangles.push_back({vertex(ring, s), vertex(ring, s + 1), vertex(ring + 1, s + 1)});
+            mesh.triangles.push_back({vertex(ring, s), vertex(ring + 1, s + 1), vertex(ring + 1, s)});
+        }
+        mesh.triangles.push_back({vertex(rings, s), vertex(rings, s + 1), 1 + rings * segments});
+    }
+    return mesh;
 }
 
 Volume fieldOf(const CavityShape& shape, double spacing) {

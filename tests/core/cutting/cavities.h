@@ -10,12 +10,14 @@
 namespace fluorocut {
 
 struct CavityShape {
-    std::function<double(const Vector3&)> distance;  // exact inside, negative there
-    Vector3 low, high;                               // a box that holds it up to its top
+    std::function<double(const Vector3&)> distance;                              // exact inside, negative there
+    Vector3 low, high;                                                           // a box that holds it up to its top
+    std::function<Vector2(double)> axis = [](double) { return Vector2(0, 0); };  // a place inside, at every z
+    double middle = 0;  // z of a place on the axis near the bottom, from which all of the bottom is seen
 };
 
-// Flat floor at z = -depth.
-CavityShape cylinderCavity(double radius, double depth);
+// Flat floor at z = -depth, its edge rounded.
+CavityShape cylinderCavity(double radius, double depth, double rounding = 0);
 
 // A cone round +z with a round tip: balls of radius tip at z = tip - depth, and `top` at z = 0, and all between.
 CavityShape coneCavity(double tip, double top, double depth);
@@ -27,7 +29,10 @@ CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth
 // swept: with the spindle along z its lower end is out of reach.
 CavityShape bowedCavity(double radius, double depth, double bow_radius);
 
-// On a grid with room around, up to 3 mm above the top.
+// Its closed mesh, flat at z = 0: vertices on the surface, along rays from the axis.
+TriangleMesh meshOf(const CavityShape& shape, int sections, int segments);
+
+// On a grid with room around it.
 Volume fieldOf(const CavityShape& shape, double spacing);
 
 }  // namespace fluorocut
