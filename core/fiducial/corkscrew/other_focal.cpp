@@ -10,10 +10,11 @@
 namespace fluorocut::corkscrew {
 namespace {
 
-constexpr double kFewerLines = 0.03;    // of the score
-constexpr double kFirstStep = 0.18;     // of the factor's logarithm: 20 %
-constexpr double kLastStep = 0.01;      // 1 %
-constexpr double kMostLogarithm = 1.1;  // a factor of 3
+constexpr double kFewerLines = 0.03;      // of the score
+constexpr double kFirstStep = 0.18;       // of the factor's logarithm: 20 %
+constexpr double kLastStep = 0.01;        // 1 %
+constexpr double kNotWorthNaming = 0.05;  // where no factor farther away is better
+constexpr double kMostLogarithm = 1.1;    // a factor of 3
 
 }  // namespace
 
@@ -37,7 +38,8 @@ ScaledFit scaledFit(const Image& image, const CArm& carm, const CorkscrewLayout&
 }
 
 ScaledFit bestScaledFit(const Image& image, const CArm& carm, const CorkscrewLayout& layout, ScaledFit from) {
-    for (double step = kFirstStep; step > kLastStep;) {
+    const double first = from.factor;
+    for (double step = kFirstStep; step > (from.factor == first ? kNotWorthNaming : kLastStep);) {
         std::array<ScaledFit, 2> beside;
         parallelFor(beside.size(), 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i)
