@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 namespace fluorocut::corkscrew {
 namespace {
@@ -14,7 +15,7 @@ constexpr double kLeastContrast = 0.05;        // of a ridge, in the logarithm
 constexpr double kProfileStepPx = 0.5;
 
 struct InView {
-    Vector2 pixel, ideal, tangent;
+    Vector2 pixel = Vector2::Constant(std::numeric_limits<double>::quiet_NaN()), ideal, tangent;
     double px_per_mm = 0;  // along the line
     bool inside = false;
 };
@@ -199,13 +200,23 @@ SeenLines findLines(const LogImage& seen, const CArm& carm, const CorkscrewLayou
     const double apart_px = std::max(0.55 * reach_px, 3.5);
     const int half = static_cast<int>(std::lround(reach_px / kProfileStepPx));
     double squares = 0;
+    // From left to right, to find what is near.
+    std::vector<std::size_t> order(views.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::erase_if(order, [&](std::size_t i) { return !views[i].pixel.allFinite(); });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return views[a].pixel.x() < views[b].pixel.x(); });
     for (std::size_t i = 0; i < wires.size(); ++i) {
         const InView& here = views[i];
         if (!here.inside || here.px_per_mm < kLeastForeshortening * magnification) continue;
         if (std::abs((here.pixel - shaft_middle.pixel).dot(shaft_across)) < shaft_px + std::max(0.4 * reach_px, 3.0))
             continue;
         bool crowded = false;
-        for (std::size_t j = 0; j < wires.size() && !crowded; ++j) {
+        const auto first = std::lower_bound(order.begin(), order.end(), here.pixel.x() - apart_px,
+                                            [&](std::size_t j, double x) { return views[j].pixel.x() < x; });
+        for (auto near = first; near != order.end() && !crowded; ++near) {
+            const std::size_t j = *near;
+            if (views[j].pixel.x() > here.pixel.x() + apart_px) break;
             if (!((views[j].pixel - here.pixel).squaredNorm() < apart_px * apart_px)) continue;
             double between_mm = std::numeric_limits<double>::infinity();
             if (wires[i].branch == wires[j].branch) {

@@ -3,6 +3,9 @@
 // tissue go; wires stay.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "core/image/image.h"
 
 namespace fluorocut::corkscrew {
@@ -11,5 +14,8 @@ constexpr double kHighPassPx = 5;
 
 // Width and height are multiples of 4.
 Image highPassed(const Image& image);
+
+// The same at some pixels (their numbers, row by row) only, into out[0], out[stride], ...
+void highPassedAt(const Image& image, const std::vector<std::uint32_t>& pixels, std::size_t stride, float* out);
 
 }  // namespace fluorocut::corkscrew

@@ -41,7 +41,7 @@ double varianceFactor(const Jacobian& jacobian, const Weighted& at, const Image&
     std::array<double, kSide * kSide> products{}, numbers{}, pulls{};
     for (std::size_t i = 0; i < count; ++i) {
         const int x = static_cast<int>(jacobian.pixels[i]) % width, y = static_cast<int>(jacobian.pixels[i]) / width;
-        if (y % 2 != 0) continue;  // half of them tell enough
+        if (y % 4 != 0) continue;  // a quarter of them tells enough
         for (int dy = -kReach; dy <= kReach; ++dy) {
             if (y + dy < 0 || y + dy >= region.height) continue;
             for (int dx = -kReach; dx <= kReach; ++dx) {
@@ -63,7 +63,7 @@ double varianceFactor(const Jacobian& jacobian, const Weighted& at, const Image&
     double factor = 0;
     for (std::size_t lag = 0; lag < products.size(); ++lag)
         if (numbers[lag] > 0) factor += products[lag] / numbers[lag] * pulls[lag];
-    return 2 * factor / 6;
+    return 4 * factor / 6;
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ namespace fluorocut::corkscrew {
 
 // What follows along with the pose: gains of the parts, variance of the blur (px^2), pedestal of stray light (of the
 // open background). With what is known of them beforehand.
-enum Follower { gainsFirst = 0, blur = kParts, pedestal, kFollowers };
+enum Follower { gainsFirst = 0, blur_variance = kParts, pedestal, kFollowers };
 using Followers = Eigen::Matrix<double, kFollowers, 1>;
 constexpr int kUnknowns = 6 + kFollowers;
 using Row = Eigen::Matrix<double, kUnknowns, 1>;
@@ -34,6 +34,9 @@ struct Jacobian {
 struct Weighted {
     std::vector<double> residuals, weights;  // in standard deviations of the noise; Tukey's
     double scale = 1;
+    // A step of least squares with fixed weights is too short where many residuals lie on the weights' slopes: sum of
+    // the weights over that of the influence's derivative (Huber's step).
+    double stride = 1;
 };
 
 // A fit at its end.

@@ -15,7 +15,6 @@
 #include "core/fiducial/corkscrew_refinement/image_noise.h"
 #include "core/fiducial/corkscrew_refinement/predicted_image.h"
 #include "core/fiducial/corkscrew_refinement/row_kernels.h"
-#include "core/image/blur.h"
 
 namespace fluorocut {
 
@@ -30,8 +29,16 @@ constexpr int kMostIterations = 12;
 constexpr std::size_t kLeastPixels = 300;
 constexpr double kPlaysAPart = 0.01;  // of a pixel: that much of the logarithm comes of metal
 constexpr double kNearReachPx = 6, kNearRad = 0.045;
-constexpr double kSmallStep = 0.2;  // standard deviations; the next one would be a tenth of it
-constexpr double kFarPx = 0.4;      // moved so far, derivatives are taken anew
+constexpr double kSmallStep = 0.2;        // standard deviations; the next one would be a tenth of it
+constexpr double kLongestStride = 1.7;    // against a step with fixed weights
+constexpr double kDerivativeTail = 2e-3;  // of the blur, which derivatives do without
+constexpr double kMostFall = 0.4;         // what a step leaves of the pedestal: log(I + pedestal) is steep near zero
+constexpr std::size_t kScaleStep = 3;     // every so many residuals tell their scale
+constexpr int kLastRounds = 3;
+constexpr double kLastCoarseStep = 3;  // the same; from then on with fine images
+constexpr int kMostCoarse = 6;
+constexpr double kFarPx = 0.4;    // moved so far, derivatives are taken anew,
+constexpr double kAsidePx = 0.1;  // or so far for the last steps: where they are taken, the fit ends
 
 Followers expectedFollowers() {
     Followers at;
@@ -46,7 +53,7 @@ Followers followersSigma() {
 Followers withinLimits(Followers at) {
     for (int k = 0; k < kParts; ++k)
         at[k] = std::clamp(at[k], 0.2, 4.0);
-    at[blur] = std::clamp(at[blur], 0.05, 9.0);
+    at[blur_variance] = std::clamp(at[blur_variance], 0.05, 9.0);
     at[pedestal] = std::clamp(at[pedestal], 0.0, 0.6);
     return at;
 }
@@ -78,7 +85,7 @@ class ImageFit {
         usable_.resize(level.size());
         for (std::size_t i = 0; i < level.size(); ++i)
             usable_[i] = level.pixels()[i] > dark;
-        level = gaussianBlurred(level, 1);
+        level = detectorBlurred(level, 1);
         inverse_sigma_ = Image(region.width, region.height);
         for (std::size_t i = 0; i < level.size(); ++i) {
             const double value = std::max(level.pixels()[i], dark);
@@ -87,7 +94,9 @@ class ImageFit {
     }
 
     const PixelRegion& region() const { return region_; }
-    const LogImage logImage() const { return {region_, gaussianBlurred(log_seen_, kLastSmoothingPx)}; }
+    const LogImage logImage() const {
+        return {region_, detectorBlurred(log_seen_, kLastSmoothingPx * kLastSmoothingPx)};
+    }
 
     // log(predicted) from the blurred transmission.
     Image logPredicted(const Image& blurred, const Followers& at) const {
@@ -101,91 +110,107 @@ class ImageFit {
 
     std::array<double, kParts> gains(const Followers& at) const { return {at[0], at[1], at[2], at[3]}; }
 
-    // High-passed log(seen) - log(predicted), in the noise's standard deviations, at pixels.
-    std::vector<double> residuals(const std::vector<std::uint32_t>& pixels, const Image& predicted) const {
-        std::vector<double> e(pixels.size());
-        for (std::size_t i = 0; i < pixels.size(); ++i) {
-            const std::uint32_t p = pixels[i];
-            e[i] = static_cast<double>(seen_.pixels()[p] - predicted.pixels()[p]) * inverse_sigma_.pixels()[p];
+    // High-passed log(seen) - log(predicted after this step), in the noise's standard deviations, at the Jacobian's
+    // pixels.
+    std::vector<double> residuals(const Jacobian& jacobian, const Image& predicted,
+                                  const Row& step = Row::Zero()) const {
+        std::vector<double> e(jacobian.pixels.size());
+        const Eigen::Matrix<float, kUnknowns, 1> change = step.cast<float>();
+        for (std::size_t i = 0; i < e.size(); ++i) {
+            const std::uint32_t p = jacobian.pixels[i];
+            const float moved =
+                Eigen::Map<const Eigen::Matrix<float, kUnknowns, 1>>(jacobian.rows.data() + i * kUnknowns).dot(change);
+            e[i] = static_cast<double>(seen_.pixels()[p] - predicted.pixels()[p] - moved) * inverse_sigma_.pixels()[p];
         }
         return e;
     }
 
-    Image predicted(const State& state) const {
-        const PredictedImage image = predictor_.predict(state.pose, gains(state.followers), Derivatives::none);
-        return highPassed(logPredicted(detectorBlurred(image.transmission, state.followers[blur]), state.followers));
-    }
-
+    // What a fit takes from step to step: memory, more than anything.
     struct Linearised {
         Jacobian jacobian;
-        Image predicted;       // high-passed log
-        Image log_predicted;   // not high-passed
-        Image inverse;         // 1 / (blurred + pedestal)
+        Image predicted;      // high-passed log
+        Image log_predicted;  // not high-passed
+        Image inverse;        // 1 / (blurred + pedestal)
+        Image blurred;
         PredictedImage image;  // raw
+        std::vector<Image> columns;
     };
 
-    Linearised linearised(const State& state, Derivatives derivatives) const {
-        Linearised out;
-        out.image = predictor_.predict(state.pose, gains(state.followers), derivatives);
-        const double variance = state.followers[blur];
-        const Image blurred = detectorBlurred(out.image.transmission, variance);
-        out.log_predicted = logPredicted(blurred, state.followers);
-        out.predicted = highPassed(out.log_predicted);
-        out.inverse = blurred;
+    void predict(const State& state, Sampling sampling, Linearised& out) const {
+        predictor_.predict(state.pose, gains(state.followers), Derivatives::none, sampling, out.image);
+        expose(state, DetectorBlur(state.followers[blur_variance]), out);
+    }
+
+    // Coarse derivatives are good for steps. Not for evidence: focal length and depth do almost the same, their small
+    // difference would drown.
+    void linearise(const State& state, Derivatives derivatives, Sampling sampling, Linearised& out) const {
+        predictor_.predict(state.pose, gains(state.followers), derivatives, sampling, out.image);
+        expose(state, DetectorBlur(state.followers[blur_variance]), out);
+        const DetectorBlur kernel(state.followers[blur_variance], kDerivativeTail);
+        out.inverse = out.blurred;
         for (float& value : out.inverse.pixels())
             value = 1 / (value + static_cast<float>(state.followers[pedestal]));
 
-        std::vector<Image> columns(kUnknowns);
+        out.columns.resize(kUnknowns);
         parallelFor(kUnknowns, 1, [&](std::size_t begin, std::size_t end) {
             for (std::size_t k = begin; k < end; ++k) {
                 if (k < 6 + kParts) {
-                    columns[k] = column(k < 6 ? out.image.pose[k] : out.image.gains[k - 6], variance, out.inverse);
-                } else if (k == 6 + blur) {
-                    columns[k] = timesInverse(halfLaplacian(blurred), out.inverse);
+                    toLogarithm(k < 6 ? out.image.pose[k] : out.image.gains[k - 6], out.image.drawn, kernel,
+                                out.inverse, out.columns[k]);
+                } else if (k == 6 + blur_variance) {
+                    out.columns[k] = timesInverse(halfLaplacian(out.blurred), out.inverse);
                 } else {
-                    Image change = out.inverse;
+                    out.columns[k] = out.inverse;
                     const auto open = static_cast<float>(1 / (1 + state.followers[pedestal]));
-                    for (float& value : change.pixels())
+                    for (float& value : out.columns[k].pixels())
                         value -= open;
-                    columns[k] = std::move(change);
                 }
             }
         });
+        Jacobian& jacobian = out.jacobian;
+        jacobian.pixels.clear();
+        const std::vector<float>& of_wire = out.columns[6 + wire].pixels();
+        const std::vector<float>& of_shaft = out.columns[6 + shaft].pixels();
+        const std::vector<float>& of_beads = out.columns[6 + beads].pixels();
         for (std::size_t p = 0; p < usable_.size(); ++p) {
-            const float part = std::abs(columns[6 + wire].pixels()[p]) + std::abs(columns[6 + shaft].pixels()[p]) +
-                               std::abs(columns[6 + beads].pixels()[p]);
-            if (part > kPlaysAPart && usable_[p]) out.jacobian.pixels.push_back(static_cast<std::uint32_t>(p));
+            const float part = std::abs(of_wire[p]) + std::abs(of_shaft[p]) + std::abs(of_beads[p]);
+            if (part > kPlaysAPart && usable_[p]) jacobian.pixels.push_back(static_cast<std::uint32_t>(p));
         }
-        out.jacobian.pose = state.pose;
-        out.jacobian.followers = state.followers;
-        out.jacobian.rows.resize(out.jacobian.pixels.size() * kUnknowns);
+        jacobian.pose = state.pose;
+        jacobian.followers = state.followers;
+        jacobian.rows.resize(jacobian.pixels.size() * kUnknowns);
         parallelFor(kUnknowns, 1, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t k = begin; k < end; ++k) {
-                const Image high = highPassed(columns[k]);
-                for (std::size_t i = 0; i < out.jacobian.pixels.size(); ++i)
-                    out.jacobian.rows[i * kUnknowns + k] = high.pixels()[out.jacobian.pixels[i]];
-            }
+            for (std::size_t k = begin; k < end; ++k)
+                highPassedAt(out.columns[k], jacobian.pixels, kUnknowns, jacobian.rows.data() + k);
         });
-        return out;
     }
 
     // d log(predicted) / d what images share, high-passed, at the pixels that play a part: pixels x parameters.
     std::vector<float> shared(const Linearised& at, const State& state) const {
-        const double variance = state.followers[blur];
         const std::vector<std::uint32_t>& pixels = at.jacobian.pixels;
         const std::size_t parameters = 3 + static_cast<std::size_t>(predictor_.solid().dimensions);
         std::vector<float> rows(pixels.size() * parameters, 0.0f);
+        const DetectorBlur kernel(state.followers[blur_variance], kDerivativeTail);
         const auto put = [&](const Image& plane, const PixelRegion& box, std::size_t parameter) {
             if (box.empty()) return;
-            Image inverse(box.width, box.height);
+            Image inverse(box.width, box.height), values;
             for (int y = 0; y < box.height; ++y)
                 std::copy_n(at.inverse.row(box.y + y) + box.x, box.width, inverse.row(y));
-            const Image high = highPassed(column(plane, variance, inverse));
+            toLogarithm(plane, {}, kernel, inverse, values);
+            // The pixels that lie in the box, and where they are among all.
+            std::vector<std::uint32_t> inside;
+            std::vector<std::size_t> where;
             for (std::size_t i = 0; i < pixels.size(); ++i) {
                 const int x = static_cast<int>(pixels[i]) % region_.width - box.x;
                 const int y = static_cast<int>(pixels[i]) / region_.width - box.y;
-                if (x >= 0 && y >= 0 && x < box.width && y < box.height) rows[i * parameters + parameter] = high(x, y);
+                if (!(x >= 0 && y >= 0 && x < box.width && y < box.height)) continue;
+                inside.push_back(static_cast<std::uint32_t>(y * box.width + x));
+                where.push_back(i);
             }
+            std::vector<float> high(inside.size());
+            highPassedAt(values, inside, 1, high.data());
+            for (std::size_t i = 0; i < inside.size(); ++i)
+                rows[where[i] * parameters + parameter] = high[i];
         };
         std::vector<std::pair<std::size_t, std::size_t>> tasks;  // group, plane; groups counted from 1, the imager is 0
         for (std::size_t k = 0; k < 3; ++k)
@@ -209,8 +234,29 @@ class ImageFit {
     }
 
     // A derivative of the transmission, blurred, as one of the logarithm.
-    static Image column(const Image& derivative, double variance, const Image& inverse) {
-        return timesInverse(detectorBlurred(derivative, variance), inverse);
+    // `drawn`: as PredictedImage's; empty: anywhere.
+    static void toLogarithm(const Image& derivative, const std::vector<std::array<int, 2>>& drawn,
+                            const DetectorBlur& kernel, const Image& inverse, Image& out) {
+        const int width = derivative.width(), height = derivative.height(), reach = kernel.radius();
+        if (out.width() != width || out.height() != height) out = Image(width, height);
+        for (int y = 0; y < height; ++y) {
+            float* const row = out.row(y);
+            int begin = drawn.empty() ? 0 : width, end = drawn.empty() ? width : 0;
+            for (int s = std::max(0, y - reach) / kStripRows;
+                 s < static_cast<int>(drawn.size()) && s * kStripRows <= y + reach; ++s) {
+                const auto [first, last] = drawn[static_cast<std::size_t>(s)];
+                if (first >= last) continue;
+                begin = std::min(begin, std::max(0, first - reach));
+                end = std::max(end, std::min(width, last + reach));
+            }
+            if (begin >= end) begin = end = 0;
+            std::fill(row, row + begin, 0.0f);
+            std::fill(row + end, row + width, 0.0f);
+            kernel.row(derivative, y, begin, end, row + begin);
+            const float* factor = inverse.row(y);
+            for (int x = begin; x < end; ++x)
+                row[x] *= factor[x];
+        }
     }
     static Image timesInverse(Image values, const Image& inverse) {
         for (std::size_t i = 0; i < values.size(); ++i)
@@ -225,6 +271,12 @@ class ImageFit {
     bool usable(std::size_t p) const { return usable_[p] != 0; }
 
   private:
+    void expose(const State& state, const DetectorBlur& kernel, Linearised& out) const {
+        corkscrew::blur(out.image.transmission, kernel, out.blurred);
+        out.log_predicted = logPredicted(out.blurred, state.followers);
+        out.predicted = highPassed(out.log_predicted);
+    }
+
     template <class Body>
     void forRows(const Body& body) const {
         parallelFor(static_cast<std::size_t>(region_.height), 32, [&](std::size_t begin, std::size_t end) {
@@ -258,15 +310,21 @@ class ImageFit {
 
 Weighted weighted(std::vector<double> residuals) {
     Weighted out;
-    std::vector<double> sizes;
-    sizes.reserve(residuals.size());
-    for (const double e : residuals)
-        sizes.push_back(std::abs(e));
+    std::vector<float> sizes;
+    sizes.reserve(residuals.size() / kScaleStep + 1);
+    for (std::size_t i = 0; i < residuals.size(); i += kScaleStep)
+        sizes.push_back(static_cast<float>(std::abs(residuals[i])));
     out.scale = std::max(1.0, 1.4826 * median(std::move(sizes)));
     out.residuals = std::move(residuals);
     out.weights.reserve(out.residuals.size());
-    for (const double e : out.residuals)
-        out.weights.push_back(tukeyWeight(e, out.scale));
+    double weights = 0, slopes = 0;
+    for (const double e : out.residuals) {
+        const double weight = tukeyWeight(e, out.scale), inside = std::sqrt(weight);
+        out.weights.push_back(weight);
+        weights += weight;
+        if (weight > 0) slopes += inside * (5 * inside - 4);  // (1 - r^2) (1 - 5 r^2)
+    }
+    out.stride = std::clamp(weights / std::max(slopes, 1e-9), 1.0, kLongestStride);
     return out;
 }
 
@@ -328,9 +386,9 @@ std::array<Image, 2> gradientOf(const Image& log_predicted) {
 }
 
 // Stray light and gains change how much everything pulls.
-bool derivativesHold(const Followers& then, const Followers& now) {
-    const auto alike = [&](int k, double of) { return std::abs(now[k] - then[k]) < of; };
-    return alike(pedestal, 0.3 * (then[pedestal] + 0.03)) && alike(wire, 0.2) && alike(shaft, 0.2);
+bool derivativesHold(const Followers& then, const Followers& now, double times) {
+    const auto alike = [&](int k, double of) { return std::abs(now[k] - then[k]) < times * of; };
+    return alike(pedestal, 0.3 * (then[pedestal] + 0.08)) && alike(wire, 0.2) && alike(shaft, 0.2);
 }
 
 double movedPx(const Rigid3& from, const Rigid3& to, const CArm& carm, const CorkscrewLayout& layout) {
@@ -345,7 +403,7 @@ double movedPx(const Rigid3& from, const Rigid3& to, const CArm& carm, const Cor
 // far away: that would be another explanation, which nobody asked for.
 Rigid3 nearerStart(const Image& image, const CArm& carm, const CorkscrewLayout& layout, const Rigid3& start,
                    const PixelRegion& region, Progress& progress) {
-    const LogImage seen{region, gaussianBlurred(logarithm(image, region), kLastSmoothingPx)};
+    const LogImage seen{region, detectorBlurred(logarithm(image, region), kLastSmoothingPx * kLastSmoothingPx)};
     const SeenLines lines = findLines(seen, carm, layout, wirePoints(layout), shaftPoints(layout), start, kNearReachPx);
     CorkscrewFit at_start;
     rate(at_start, lines);
@@ -384,49 +442,75 @@ Result<CorkscrewFit> refineOnImage(const Image& image, const CArm& carm, const C
     Weighted now;
     Square normal;
     Row right;
+    // Coarsely until the steps are small, then finely.
+    Sampling sampling = Sampling::coarse;
+    Row last_step = Row::Zero();
+    const auto move = [&](const Row& step) {
+        state.pose = state.pose.perturbed(step.head<6>());
+        const double least = kMostFall * state.followers[pedestal];
+        state.followers = withinLimits(state.followers + step.tail<kFollowers>());
+        state.followers[pedestal] = std::max(state.followers[pedestal], least);
+    };
     for (fit.iterations = 0; fit.iterations < kMostIterations; ++fit.iterations) {
         if (progress.isCancelled()) return cancelled(kStep);
-        if (fit.iterations == 0 || movedPx(at.jacobian.pose, state.pose, carm, layout) > kFarPx ||
-            !derivativesHold(at.jacobian.followers, state.followers)) {
-            at = work.linearised(state, Derivatives::pose);
-        } else {
-            at.predicted = work.predicted(state);
-        }
+        if (sampling == Sampling::coarse && fit.iterations >= kMostCoarse) sampling = Sampling::fine;
+        const bool fine = sampling == Sampling::fine;
+        const bool anew = fit.iterations == 0 ||
+                          movedPx(at.jacobian.pose, state.pose, carm, layout) > (fine ? kAsidePx : kFarPx) ||
+                          !derivativesHold(at.jacobian.followers, state.followers, fine ? 1 : 2);
+        if (anew) work.linearise(state, Derivatives::pose, Sampling::coarse, at);
+        if (!anew || sampling == Sampling::fine) work.predict(state, sampling, at);
         if (at.jacobian.pixels.size() < kLeastPixels)
             return tooLittle(fmt::format("{} pixels with metal of it", at.jacobian.pixels.size()));
-        now = weighted(work.residuals(at.jacobian.pixels, at.predicted));
+        now = weighted(work.residuals(at.jacobian, at.predicted));
         normalEquations(at.jacobian, now, work.inverseSigma(), normal, right);
         addPrior(state.followers, work.noise().alike_px, normal, right);
         Square damped = normal;
         damped.diagonal() *= 1 + 1e-6;
         Row step = damped.ldlt().solve(right);
         if (!step.allFinite()) break;
+        if (fit.iterations >= 2) step *= now.stride;  // the first ones are about more than weights
         const double size =
             std::max({step.segment<3>(3).norm() / 0.1, step.head<2>().norm() / 2, std::abs(step[2]) / 20});
         if (size > 1) step /= size;
-        const double sigmas = step.head<6>().dot(normal.topLeftCorner<6, 6>() * step.head<6>());
-        state.pose = state.pose.perturbed(step.head<6>());
-        state.followers = withinLimits(state.followers + step.tail<kFollowers>());
+        const double variances = step.head<6>().dot(normal.topLeftCorner<6, 6>() * step.head<6>());
+        const double sigmas = std::sqrt(variances / work.noise().alike_px);
+        move(step);
+        last_step = step;
         if (!(state.pose.translation().z() > layout.rod_radius_mm)) return tooLittle("a fit that ran into the source");
         // A step that is small beside what noise does to the pose.
-        if (sigmas < kSmallStep * kSmallStep * work.noise().alike_px) {
+        if (sampling == Sampling::fine && sigmas < kSmallStep) {
             fit.converged = true;
             ++fit.iterations;
             break;
         }
+        if (sigmas < kLastCoarseStep) sampling = Sampling::fine;
     }
 
-    fit.imager_from_corkscrew = state.pose;
-    if (options.evidence) {
-        at = work.linearised(state, Derivatives::all);
-    } else {
-        at.predicted = work.predicted(state);
-    }
-    now = weighted(work.residuals(at.jacobian.pixels, at.predicted));
-    if (options.evidence) {
+    const auto equations = [&](const Row& step) {
         normalEquations(at.jacobian, now, work.inverseSigma(), normal, right);
-        addPrior(state.followers, work.noise().alike_px, normal, right);
+        addPrior(state.followers + step.tail<kFollowers>(), work.noise().alike_px, normal, right);
+    };
+    if (options.evidence) {
+        // Fine derivatives, which are good for one more step: a small one, found in a few rounds without another image.
+        work.linearise(state, Derivatives::all, Sampling::fine, at);
+        last_step.setZero();
+        Row step = Row::Zero();
+        for (int round = 0; round < kLastRounds; ++round) {
+            now = weighted(work.residuals(at.jacobian, at.predicted, step));
+            equations(step);
+            step += normal.ldlt().solve(right);
+        }
+        const double variances = step.head<6>().dot(normal.topLeftCorner<6, 6>() * step.head<6>());
+        if (variances < kLastCoarseStep * kLastCoarseStep * work.noise().alike_px) {
+            move(step);
+            last_step = step;
+        }
     }
+    // The image was drawn before the last step, whose share is next to nothing: the derivatives tell it.
+    now = weighted(work.residuals(at.jacobian, at.predicted, last_step));
+    if (options.evidence) equations(Row::Zero());
+    fit.imager_from_corkscrew = state.pose;
     fit.residual = now.scale;
 
     double likelihood = 0;

@@ -10,7 +10,7 @@
 namespace fluorocut::corkscrew {
 namespace {
 
-constexpr int kRowStep = 6, kGroups = 6;
+constexpr int kRowStep = 12, kGroups = 6;
 
 struct Difference {
     float level, far, near;  // squares of second differences of the image, divided by what white noise makes of them

@@ -11,7 +11,6 @@
 namespace fluorocut::corkscrew {
 namespace {
 
-constexpr int kStripRows = 8;
 constexpr double kSamplesPerWire = 8;  // across
 
 }  // namespace
@@ -61,7 +60,8 @@ CorkscrewPredictor::CorkscrewPredictor(const CArm& carm, const CorkscrewLayout& 
 }
 
 std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& imager_from_corkscrew,
-                                                                  const std::array<double, kParts>& attenuation) const {
+                                                                  const std::array<double, kParts>& attenuation,
+                                                                  int samples) const {
     const Matrix3 rotation = imager_from_corkscrew.rotationMatrix();
     const Vector3 origin = imager_from_corkscrew.translation();
     const double focal = rays_.focal_length_mm(), pixel = pixel_mm_.mean();
@@ -103,8 +103,8 @@ std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& 
         view.sphere = piece.sphere;
         view.inverse_focal = static_cast<float>(1 / focal);
         view.radius_squared = static_cast<float>(piece.radius_mm * piece.radius_mm);
-        view.half_sample = static_cast<float>(0.5 * pixel * center.z() / focal /
-                                              static_cast<double>(piece.part == rod ? 1 : samples_));
+        view.half_sample =
+            static_cast<float>(0.5 * pixel * center.z() / focal / static_cast<double>(piece.part == rod ? 1 : samples));
         const Vector3 axis = piece.sphere ? Vector3(Vector3::UnitZ()) : Vector3((b - a).normalized());
         const Vector3 across = axis.unitOrthogonal(), other = axis.cross(across);
         const Vector3 normals[2] = {rotation * piece.normal_a, rotation * piece.normal_b};
@@ -136,8 +136,8 @@ std::vector<CorkscrewPredictor::Placed> CorkscrewPredictor::place(const Rigid3& 
 // Fine samples of a few rows of pixels, drawn piece by piece. The rod, which is wide and smooth, is drawn once a pixel.
 class CorkscrewPredictor::Strip {
   public:
-    Strip(const CorkscrewPredictor& predictor, int first_row, int rows, const std::vector<Placed>& placed)
-        : memory_(memory()), predictor_(predictor), samples_(predictor.samples_), first_row_(first_row), rows_(rows) {
+    Strip(const CorkscrewPredictor& predictor, int samples, int first_row, int rows, const std::vector<Placed>& placed)
+        : memory_(memory()), predictor_(predictor), samples_(samples), first_row_(first_row), rows_(rows) {
         const double top = first_row - 0.5, bottom = first_row + rows - 0.5;
         double left = 1e9, right = -1e9;
         memory_.here.clear();
@@ -158,6 +158,7 @@ class CorkscrewPredictor::Strip {
     }
 
     bool empty() const { return begin_ >= end_; }
+    std::array<int, 2> columns() const { return {begin_, end_}; }
 
     void draw(const std::array<double, kParts>& attenuation, bool with_forces) {
         memory_.lengths.assign(kParts * plane_size_, 0.0f);
@@ -212,6 +213,14 @@ class CorkscrewPredictor::Strip {
         for (int row = 0; row < rows_; ++row) {
             const int y = first_row_ + row - box.y;
             if (y < 0 || y >= box.height) continue;
+            float* const target = out.row(y) + (left - box.x);
+            if (samples_ == 1) {
+                const float* values = plane + fine(left, row);
+                const float* through = memory_.transmission.data() + fine(left, row);
+                for (std::size_t i = 0; i < width; ++i)
+                    target[i] = times_transmission ? share * values[i] * through[i] : share * values[i];
+                continue;
+            }
             sums.assign(width, 0.0f);
             for (int s = 0; s < samples_; ++s) {
                 const std::size_t at = fine(left, row * samples_ + s);
@@ -225,7 +234,6 @@ class CorkscrewPredictor::Strip {
                         sums[i] += values[i];
                 }
             }
-            float* target = out.row(y) + (left - box.x);
             if (samples_ == 2) {  // the usual, in vectors
                 for (int x = 0; x < right - left; ++x)
                     target[x] =
@@ -319,9 +327,10 @@ class CorkscrewPredictor::Strip {
             const double y = first_row_ - 0.5 + (r + 0.5) * step;
             int begin, end;
             piece.columns(y, 0.5 * step, samples_, begin_ * samples_, end_ * samples_, begin, end);
-            begin = (begin - begin_ * samples_) / kRowStep * kRowStep;
-            end = (end - begin_ * samples_ + kRowStep - 1) / kRowStep * kRowStep;
-            if (begin < end) body(fine(begin_, r) + static_cast<std::size_t>(begin), end - begin);
+            if (begin >= end) continue;
+            const int count = (end - begin + kRowStep - 1) / kRowStep * kRowStep;
+            begin = std::min(begin - begin_ * samples_, fine_width_ - count);
+            body(fine(begin_, r) + static_cast<std::size_t>(begin), count);
         }
     }
 
@@ -383,23 +392,43 @@ PixelRegion boxOf(const PixelRegion& region, double left, double right, double t
 }  // namespace
 
 PredictedImage CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& gains,
-                                           Derivatives derivatives) const {
+                                           Derivatives derivatives, Sampling sampling) const {
+    PredictedImage out;
+    predict(imager_from_corkscrew, gains, derivatives, sampling, out);
+    return out;
+}
+
+void CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& gains,
+                                 Derivatives derivatives, Sampling sampling, PredictedImage& out) const {
     std::array<double, kParts> attenuation;
     for (std::size_t k = 0; k < kParts; ++k)
         attenuation[k] = gains[k] * attenuation_[k];
-    const std::vector<Placed> placed = place(imager_from_corkscrew, attenuation);
+    const int samples = sampling == Sampling::fine ? samples_ : 1;
+    const std::vector<Placed> placed = place(imager_from_corkscrew, attenuation, samples);
     const PixelRegion& region = rays_.region();
     const PixelRegion whole{0, 0, region.width, region.height};
 
-    PredictedImage out;
-    out.transmission = Image(region.width, region.height, 1.0f);
+    const auto clear = [](Image& image, int width, int height, float value) {
+        if (image.width() == width && image.height() == height)
+            std::fill(image.pixels().begin(), image.pixels().end(), value);
+        else
+            image = Image(width, height, value);
+    };
+    const auto clearAll = [&](auto& images) {
+        for (Image& image : images)
+            clear(image, region.width, region.height, 0);
+    };
+    clear(out.transmission, region.width, region.height, 1);
     const bool with_pose = derivatives != Derivatives::none, with_all = derivatives == Derivatives::all;
     if (with_pose) {
-        out.pose.assign(6, Image(region.width, region.height));
-        out.gains.fill(Image(region.width, region.height));
+        out.pose.resize(6);
+        clearAll(out.pose);
+        clearAll(out.gains);
     }
+    out.groups.clear();
     if (with_all) {
-        out.imager.assign(3, Image(region.width, region.height));
+        out.imager.resize(3);
+        clearAll(out.imager);
         for (std::size_t g = 0; g < solid_.groups.size(); ++g) {
             double left = 1e9, right = -1e9, top = 1e9, bottom = -1e9;
             for (const Placed& piece : placed) {
@@ -418,11 +447,13 @@ PredictedImage CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, 
     }
 
     const int strips = (region.height + kStripRows - 1) / kStripRows;
+    out.drawn.assign(static_cast<std::size_t>(strips), {0, 0});
     parallelFor(static_cast<std::size_t>(strips), 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t s = begin; s < end; ++s) {
             const int first = static_cast<int>(s) * kStripRows;
-            Strip strip(*this, first, std::min(kStripRows, region.height - first), placed);
+            Strip strip(*this, samples, first, std::min(kStripRows, region.height - first), placed);
             if (strip.empty()) continue;
+            out.drawn[s] = strip.columns();
             strip.draw(attenuation, with_pose);
             strip.expose(attenuation);
             strip.collect(strip.transmission(), 1, false, whole, out.transmission);
@@ -449,11 +480,10 @@ PredictedImage CorkscrewPredictor::predict(const Rigid3& imager_from_corkscrew, 
             }
         }
     });
-    return out;
 }
 
 std::array<Image, kParts> CorkscrewPredictor::pathLengths(const Rigid3& imager_from_corkscrew) const {
-    const std::vector<Placed> placed = place(imager_from_corkscrew, {});
+    const std::vector<Placed> placed = place(imager_from_corkscrew, {}, samples_);
     const PixelRegion& region = rays_.region();
     std::array<Image, kParts> out;
     out.fill(Image(region.width, region.height));
@@ -461,7 +491,7 @@ std::array<Image, kParts> CorkscrewPredictor::pathLengths(const Rigid3& imager_f
     parallelFor(static_cast<std::size_t>(strips), 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t s = begin; s < end; ++s) {
             const int first = static_cast<int>(s) * kStripRows;
-            Strip strip(*this, first, std::min(kStripRows, region.height - first), placed);
+            Strip strip(*this, samples_, first, std::min(kStripRows, region.height - first), placed);
             if (strip.empty()) continue;
             strip.draw({}, false);
             for (std::size_t k = 0; k < kParts; ++k)

@@ -27,6 +27,10 @@ enum class Derivatives {
     all,   // and what images share
 };
 
+// How often a pixel is looked at: so that the image is right to the noise of a thousand photons, or once, for steps and
+// derivatives that need not be, at a third of the time.
+enum class Sampling { fine, coarse };
+
 // d I / d dimensions of one group, in its part of the region (columns and rows multiples of 4).
 struct GroupDerivatives {
     PixelRegion box;  // of the predictor's region
@@ -34,12 +38,15 @@ struct GroupDerivatives {
 };
 
 struct PredictedImage {
-    Image transmission;                    // I, of the region
-    std::vector<Image> pose;               // d I / d (pose as Rigid3::perturbed has it): 6
-    std::array<Image, kParts> gains;       // d I / d gain_k
-    std::vector<Image> imager;             // d I / d (relative focal length, principal point u, v px): 3
-    std::vector<GroupDerivatives> groups;  // as SolidPieces::groups has them
+    Image transmission;                     // I, of the region
+    std::vector<std::array<int, 2>> drawn;  // every kStripRows rows: columns [begin, end) with anything of the solid
+    std::vector<Image> pose;                // d I / d (pose as Rigid3::perturbed has it): 6
+    std::array<Image, kParts> gains;        // d I / d gain_k
+    std::vector<Image> imager;              // d I / d (relative focal length, principal point u, v px): 3
+    std::vector<GroupDerivatives> groups;   // as SolidPieces::groups has them
 };
+
+constexpr int kStripRows = 8;
 
 class CorkscrewPredictor {
   public:
@@ -47,7 +54,10 @@ class CorkscrewPredictor {
     CorkscrewPredictor(const CArm& carm, const CorkscrewLayout& layout, const PixelRegion& region);
 
     PredictedImage predict(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& gains,
-                           Derivatives derivatives) const;
+                           Derivatives derivatives, Sampling sampling = Sampling::fine) const;
+    // Into the memory of an earlier one.
+    void predict(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& gains, Derivatives derivatives,
+                 Sampling sampling, PredictedImage& out) const;
     // Path lengths of the parts, mean over each pixel (for tests). The rod's leaves out what lies in it.
     std::array<Image, kParts> pathLengths(const Rigid3& imager_from_corkscrew) const;
 
@@ -59,13 +69,14 @@ class CorkscrewPredictor {
   private:
     struct Placed;
     class Strip;
-    std::vector<Placed> place(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& attenuation) const;
+    std::vector<Placed> place(const Rigid3& imager_from_corkscrew, const std::array<double, kParts>& attenuation,
+                              int samples) const;
 
     RayMap rays_;
     SolidPieces solid_;
     Vector2 pixel_mm_;
     std::array<double, kParts> attenuation_;  // of parts, per mm
-    int samples_ = 2;                         // per pixel along each axis
+    int samples_ = 2;                         // per pixel along each axis, when fine
 };
 
 // The rectangle of the image that holds the fiducial and `margin_px` about it, cut to multiples of 4; may be empty.

@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include "core/base/median.h"
+#include "core/fiducial/corkscrew_refinement/detector_blur.h"
 #include "core/fiducial/corkscrew_refinement/fit_support.h"
 #include "core/fiducial/corkscrew_refinement/predicted_image.h"
-#include "core/image/blur.h"
 
 namespace fluorocut {
 
@@ -155,8 +155,9 @@ Result<CorkscrewFit> refineOnShape(const Image& image, const CArm& carm, const C
     const Image seen = logarithm(image, region);
     for (std::size_t i = 0; i < kLooks.size(); ++i) {
         const bool same = i > 0 && kLooks[i].smoothing_px == kLooks[i - 1].smoothing_px;
-        search.smoothed.push_back(same ? search.smoothed.back()
-                                       : LogImage{region, gaussianBlurred(seen, kLooks[i].smoothing_px)});
+        search.smoothed.push_back(
+            same ? search.smoothed.back()
+                 : LogImage{region, detectorBlurred(seen, kLooks[i].smoothing_px * kLooks[i].smoothing_px)});
     }
     Tried best = tryFrom(search, start, 0);
     if (best.score < kGoodScore) {

@@ -8,6 +8,7 @@ namespace fluorocut::corkscrew {
 namespace {
 
 constexpr double kWireStepMm = 0.4, kBarStepMm = 5;
+constexpr double kRodStepMm = 60;  // it is wide: short pieces of it would be looked for far beyond their ends
 
 struct Node {
     Vector3 point;
@@ -39,9 +40,10 @@ double chordStretch(double step_rad) {
     return 1 / (1 - step_rad * step_rad / 12);
 }
 
-void addBar(std::vector<Piece>& pieces, double from_mm, double to_mm, double radius_mm, Part part, bool in_rod) {
+void addBar(std::vector<Piece>& pieces, double from_mm, double to_mm, double radius_mm, Part part, bool in_rod,
+            double step_mm = kBarStepMm) {
     if (!(to_mm > from_mm)) return;
-    const int count = std::max(1, static_cast<int>(std::ceil((to_mm - from_mm) / kBarStepMm)));
+    const int count = std::max(1, static_cast<int>(std::ceil((to_mm - from_mm) / step_mm)));
     for (int k = 0; k < count; ++k) {
         Piece piece;
         piece.a = Vector3(from_mm + (to_mm - from_mm) * k / count, 0, 0);
@@ -111,7 +113,7 @@ SolidPieces::SolidPieces(const CorkscrewLayout& layout) {
         pieces[k].flat_a = k == first;
         pieces[k].flat_b = k + 1 == pieces.size();
     }
-    addBar(pieces, layout.rod_x_mm[0], layout.rod_x_mm[1], layout.rod_radius_mm, rod, false);
+    addBar(pieces, layout.rod_x_mm[0], layout.rod_x_mm[1], layout.rod_radius_mm, rod, false, kRodStepMm);
 }
 
 }  // namespace fluorocut::corkscrew
