@@ -15,9 +15,12 @@
 
 #include "core/base/median.h"
 #include "core/base/parallel.h"
+#include "core/base/random.h"
 #include "core/geometry/primitives.h"
 #include "core/imaging/mesh_projector.h"
 #include "core/imaging/silhouette.h"
+#include "core/planning/implant_file.h"
+#include "core/planning/predicted_image.h"
 
 using namespace fluorocut;
 
@@ -82,6 +85,40 @@ int main(int argc, char** argv) {
     rows.push_back(
         {"peer: path lengths as a mask, OpenCV findContours",
          [&](const Rigid3& pose) { require(maskContours(projector->project(carm, pose)) > 0, "findContours"); }, 5});
+
+    // A stem of 12,000 triangles with its head in a cavity of the next size; the CT is of 0.8 mm voxels.
+    const auto implant = loadImplant("straight", {.size = "12"});
+    const auto wider = loadImplant("straight", {.size = "13"});
+    require(implant.ok() && wider.ok(), "the implant");
+    const auto solids = PlannedSolids::prepare(&*implant, &wider->in_bone);
+    const auto view = PredictedView::prepare(Image(carm.columns, carm.rows, 1000), carm, {});
+    require(solids.ok() && view.ok(), "preparing the prediction");
+    Random random(1);
+    VolumeGrid grid;
+    grid.size = {160, 160, 400};
+    grid.spacing_mm = {0.8, 0.8, 0.8};
+    std::vector<float> hounsfield(grid.voxelCount());
+    for (float& value : hounsfield)
+        value = static_cast<float>(random.uniform(-100, 700));
+    const auto predict = [&](bool with_ct) {
+        return [&, with_ct](const Rigid3& pose) {
+            // The CT lies round the implant wherever that is seen.
+            const Volume* ct = nullptr;
+            Volume around;
+            if (with_ct) {
+                VolumeGrid placed = grid;
+                placed.direction = pose.rotationMatrix();
+                placed.origin_mm = pose * Vector3(-64, -64, -200);
+                around = Volume(placed, std::move(hounsfield));
+                ct = &around;
+            }
+            const auto plan = placePlan(*solids, pose, ct);
+            require(plan.ok() && view->predict(*solids, *plan).ok(), "the predicted image");
+            if (with_ct) hounsfield = std::move(around.voxels());
+        };
+    };
+    rows.push_back({"predicted image, without CT", predict(false), 10});
+    rows.push_back({"predicted image, with CT", predict(true), 10});
 
     for (int round = 0; round < rounds; ++round) {
         for (const Rigid3& pose : poses) {
