@@ -155,10 +155,10 @@ Result<LayerPlan> planLayers(const BallReach& reach, double top_mm, const ToolPa
             "tool path", fmt::format("no place in the cavity for a ball of radius {:.2f} mm", options.cutter.radius_mm),
             "a cavity wider than the cutter", "Take a smaller cutter.");
     }
-    const double depth = (options.clearancePlane(top_mm) - lowest) / std::cos(options.most_tilt_rad);
+    const double depth = (options.openPlane(top_mm) - lowest) / std::cos(options.most_tilt_rad);
     if (depth > options.cutter.length_mm) {
         return invalidOption("cutter.length_mm", fmt::format("{}", options.cutter.length_mm),
-                             fmt::format("at least {:.1f} mm: from the deepest cut to the clearance plane", depth));
+                             fmt::format("at least {:.1f} mm: from the deepest cut to the end of the way in", depth));
     }
 
     Planner planner(reach, options);

@@ -91,6 +91,39 @@ CavityShape bowedCavity(double radius, double depth, double bow_radius) {
             -bow_radius * std::sin(angle)};
 }
 
+CavityShape ringCavity(double inner, double outer, double depth) {
+    CavityShape ring = cylinderCavity(outer, depth);
+    const auto full = ring.distance;
+    ring.distance = [=](const Vector3& p) { return std::max(full(p), inner - p.head<2>().norm()); };
+    return ring;
+}
+
+TriangleMesh ringMesh(double inner, double outer, double depth, int segments) {
+    TriangleMesh mesh;
+    for (int s = 0; s < segments; ++s) {
+        const double around = 2 * std::numbers::pi * s / segments, c = std::cos(around), d = std::sin(around);
+        mesh.vertices.insert(mesh.vertices.end(),
+                             {Vector3(inner * c, inner * d, 0), Vector3(inner * c, inner * d, -depth),
+                              Vector3(outer * c, outer * d, -depth), Vector3(outer * c, outer * d, 0)});
+        for (int side = 0; side < 4; ++side) {
+            const int a = 4 * s + side, b = 4 * s + (side + 1) % 4, turn = 4 * segments;
+            mesh.triangles.push_back({a, (b + 4) % turn, b});
+            mesh.triangles.push_back({a, (a + 4) % turn, (b + 4) % turn});
+        }
+    }
+    return mesh;
+}
+
+CavityShape moved(const CavityShape& shape, const Vector2& shift) {
+    CavityShape result = shape;
+    const Vector3 by(shift.x(), shift.y(), 0);
+    result.distance = [=](const Vector3& p) { return shape.distance(p - by); };
+    result.axis = [=](double z) { return Vector2(shape.axis(z) + shift); };
+    result.low += by;
+    result.high += by;
+    return result;
+}
+
 TriangleMesh meshOf(const CavityShape& shape, int sections, int segments) {
     // Where a ray from inside leaves the shape.
     const auto leave = [&](const Vector3& from, const Vector3& way) {
@@ -131,6 +164,25 @@ TriangleMesh meshOf(const CavityShape& shape, int sections, int segments) {
         mesh.triangles.push_back({vertex(rings, s), vertex(rings, s + 1), 1 + rings * segments});
     }
     return mesh;
+}
+
+double mostBeyond(const ToolPath& path, const CavityShape& shape, double open_mm, double step_mm) {
+    double worst = -1e9;
+    for (const ToolMove& move : path.moves) {
+        const ToolSegment& s = move.segment;
+        const int steps = std::clamp(static_cast<int>((s.to_mm - s.from_mm).norm() / step_mm), 1, 100);
+        for (int i = 0; i <= steps; ++i) {
+            const Vector3 ball = s.from_mm + (s.to_mm - s.from_mm) * i / steps;
+            worst = std::max(worst, ball.z() - open_mm);
+            for (double t = 0; t <= path.cutter.length_mm; t += 2.5 * step_mm) {
+                Vector3 p = ball + t * s.spindle;
+                if (p.z() > open_mm) break;
+                p.z() = std::min(p.z(), 0.0);
+                worst = std::max(worst, shape.distance(p) + path.cutter.radius_mm);
+            }
+        }
+    }
+    return worst;
 }
 
 Volume fieldOf(const CavityShape& shape, double spacing) {

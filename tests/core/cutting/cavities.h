@@ -4,6 +4,7 @@
 
 #include <functional>
 
+#include "core/cutting/tool_path.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/image/volume.h"
 
@@ -29,8 +30,19 @@ CavityShape squaredCavity(const Vector2& floor, const Vector2& top, double depth
 // swept: with the spindle along z its lower end is out of reach.
 CavityShape bowedCavity(double radius, double depth, double bow_radius);
 
+// A pit between two cylinders round +z, flat at its bottom.
+CavityShape ringCavity(double inner, double outer, double depth);
+TriangleMesh ringMesh(double inner, double outer, double depth, int segments);
+
+CavityShape moved(const CavityShape& shape, const Vector2& shift);
+
 // Its closed mesh, flat at z = 0: vertices on the surface, along rays from the axis.
 TriangleMesh meshOf(const CavityShape& shape, int sections, int segments);
+
+// Farthest that the cutter, ball or shank, leaves the shape on any move, by brute force: every move sampled at
+// `step_mm` (or 100 times, if it is long) against the shape's own distance. Above the top the way in is the top's
+// section, straight up to `open_mm`, where it ends; a ball above that counts as outside by so much.
+double mostBeyond(const ToolPath& path, const CavityShape& shape, double open_mm, double step_mm = 0.2);
 
 // On a grid with room around it.
 Volume fieldOf(const CavityShape& shape, double spacing);
