@@ -16,12 +16,13 @@ Command declareCalibrateRobot(CLI::App& parent);  // below calibrate
 Command declareCorkscrew(CLI::App& parent);
 Command declareCoregister(CLI::App& parent);
 Command declareRegister(CLI::App& parent);
+Command declareImplant(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 11> kCommands{
-    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,      declareCalibrate, declareCorkscrew,
-    declareCoregister, declareRegister, declareFabricate, declarePaperTables, declareInfo};
+inline constexpr std::array<Declare, 12> kCommands{
+    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,    declareCalibrate,   declareCorkscrew,
+    declareCoregister, declareRegister, declareImplant,   declareFabricate, declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli
