@@ -13,27 +13,54 @@
 namespace fluorocut {
 namespace {
 
-constexpr std::int32_t kLeafSize = 3;  // triangles in a leaf, at most
+constexpr std::int32_t kLeafSize = 3;      // triangles in a leaf, at most
+constexpr std::int32_t kMostInDisc = 512;  // of more, no disc is made: it would not be flat
 
-// Bounds in single precision, rounded outward: half the memory, and no point of a triangle lies outside.
-struct Box {
-    std::array<float, 3> low, high;
-
-    double distance2(const Vector3& p) const {
-        double sum = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-            const auto a = static_cast<std::size_t>(axis);
-            const double outside = std::max({low[a] - p[axis], p[axis] - high[a], 0.0});
-            sum += outside * outside;
-        }
-        return sum;
-    }
-};
-
+// Four subtrees and what bounds each, side by side so that one instruction serves all four; in single precision and
+// rounded so that distances come out too small rather than too large, from the tree's own origin.
+//
+// The disc, a flat cylinder round the triangles, says far more than the box where the surface slants: a box stands out
+// of it by as much as it is wide. Its normal is a little shorter than 1, its sizes are a little too large.
 struct Node {
-    Box box;
-    std::int32_t first;  // a leaf's first triangle; otherwise the right child (the left one follows the node)
-    std::int32_t count;  // triangles of a leaf; 0: no leaf
+    using Four = Eigen::Array4f;
+    std::array<Four, 3> low, high, center, normal;
+    Four radius, half_height;
+    std::array<std::int32_t, 4> first;  // a leaf's first facet, or a node
+    std::array<std::int32_t, 4> count;  // facets of a leaf; 0: a node; -1: nothing
+
+    Node() {
+        const float infinity = std::numeric_limits<float>::infinity();
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            low[axis].setConstant(infinity);
+            high[axis].setConstant(-infinity);
+            center[axis].setZero();
+            normal[axis].setZero();
+        }
+        radius.setConstant(infinity);
+        half_height.setConstant(infinity);
+        first.fill(0);
+        count.fill(-1);
+    }
+
+    Four distance2(const std::array<float, 3>& p) const {
+        std::array<Four, 3> off;
+        Four box = Four::Zero();
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const Four outside = (low[axis] - p[axis]).max(p[axis] - high[axis]).max(0.0F);
+            box += outside * outside;
+            off[axis] = p[axis] - center[axis];
+        }
+        const Four height = normal[0] * off[0] + normal[1] * off[1] + normal[2] * off[2];
+        const Four above = (height.abs() - half_height).max(0.0F);
+        Four beside = Four::Zero();
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
+            const Four across = normal[u] * off[v] - normal[v] * off[u];
+            beside += across * across;
+        }
+        beside = (beside.sqrt() - radius).max(0.0F);
+        return box.max(above * above + beside * beside);
+    }
 };
 
 // A triangle by one corner and two edges, in the tree's order.
@@ -106,105 +133,167 @@ double angleAround(const Facet& facet, const Vector3& q, double eps) {
 
 struct MeshDistance::Tree {
     TriangleMesh mesh;
+    Vector3 origin = Vector3::Zero();
+    double extent = 0;
+    double touch_mm = 0;  // nearer than this is the same point
     std::vector<Node> nodes;
     std::vector<Facet> facets;
     std::vector<std::int32_t> place;  // of every triangle among the facets
-    double touch_mm = 0;              // nearer than this is the same point
+    std::vector<std::int32_t> order;  // of the triangles, while the tree is built
+    std::vector<Vector3> middles;
+
+    const Vector3& corner(std::int32_t triangle, std::size_t c) const {
+        return mesh.vertices[static_cast<std::size_t>(mesh.triangles[static_cast<std::size_t>(triangle)][c])];
+    }
 
     void build();
-    std::int32_t split(std::vector<std::int32_t>& order, const std::vector<Vector3>& middles, std::int32_t begin,
-                       std::int32_t end);
+    std::int32_t halve(std::int32_t begin, std::int32_t end);
+    std::int32_t makeNode(std::int32_t begin, std::int32_t end);
+    void bound(Node& node, Eigen::Index child, std::int32_t begin, std::int32_t end) const;
 
-    // Calls visit(facet) for the facets of every leaf whose box lies within `limit2()`, near ones first.
+    // Calls visit(facet) for the facets of every leaf that may lie within `limit()`, near ones first.
     template <class Limit, class Visit>
-    void search(const Vector3& p, Limit&& limit2, Visit&& visit) const;
+    void search(const Vector3& p, Limit&& limit, Visit&& visit) const;
 };
 
-std::int32_t MeshDistance::Tree::split(std::vector<std::int32_t>& order, const std::vector<Vector3>& middles,
-                                       std::int32_t begin, std::int32_t end) {
-    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-    Vector3 middle_low = low, middle_high = high;
+void MeshDistance::Tree::bound(Node& node, Eigen::Index child, std::int32_t begin, std::int32_t end) const {
+    const float infinity = std::numeric_limits<float>::infinity();
+    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low, sum = Vector3::Zero();
     for (std::int32_t i = begin; i < end; ++i) {
-        const auto t = static_cast<std::size_t>(order[static_cast<std::size_t>(i)]);
-        for (const std::int32_t v : mesh.triangles[t]) {
-            low = low.cwiseMin(mesh.vertices[static_cast<std::size_t>(v)]);
-            high = high.cwiseMax(mesh.vertices[static_cast<std::size_t>(v)]);
+        const std::int32_t t = order[static_cast<std::size_t>(i)];
+        for (std::size_t c = 0; c < 3; ++c) {
+            low = low.cwiseMin(corner(t, c) - origin);
+            high = high.cwiseMax(corner(t, c) - origin);
         }
-        middle_low = middle_low.cwiseMin(middles[t]);
-        middle_high = middle_high.cwiseMax(middles[t]);
+        sum += (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0));
     }
-    Node node{};
+    const Eigen::Vector3f center = (0.5 * (low + high)).cast<float>();
+    const Eigen::Vector3f normal = sum.norm() > 0 ? Eigen::Vector3f(((1 - 1e-6) * sum.normalized()).cast<float>())
+                                                  : Eigen::Vector3f(0, 0, 1 - 1e-6F);
     for (int axis = 0; axis < 3; ++axis) {
         const auto a = static_cast<std::size_t>(axis);
-        const float infinity = std::numeric_limits<float>::infinity();
-        node.box.low[a] = std::nextafter(static_cast<float>(low[axis]), -infinity);
-        node.box.high[a] = std::nextafter(static_cast<float>(high[axis]), infinity);
+        node.low[a][child] = std::nextafter(static_cast<float>(low[axis]), -infinity);
+        node.high[a][child] = std::nextafter(static_cast<float>(high[axis]), infinity);
+        node.center[a][child] = center[axis];
+        node.normal[a][child] = normal[axis];
     }
+    if (end - begin > kMostInDisc) return;
+    const Vector3 c = center.cast<double>() + origin, n = normal.cast<double>();
+    double height = 0, radius = 0;
+    for (std::int32_t i = begin; i < end; ++i) {
+        for (std::size_t v = 0; v < 3; ++v) {
+            const Vector3 off = corner(order[static_cast<std::size_t>(i)], v) - c;
+            height = std::max(height, std::abs(n.dot(off)));
+            radius = std::max(radius, n.cross(off).norm());
+        }
+    }
+    node.half_height[child] = static_cast<float>(1.00001 * height);
+    node.radius[child] = static_cast<float>(1.00001 * radius);
+}
+
+// Sorts the range into a lower and an upper half along its longest axis; where the upper one begins.
+std::int32_t MeshDistance::Tree::halve(std::int32_t begin, std::int32_t end) {
+    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (std::int32_t i = begin; i < end; ++i) {
+        const Vector3& middle = middles[static_cast<std::size_t>(order[static_cast<std::size_t>(i)])];
+        low = low.cwiseMin(middle);
+        high = high.cwiseMax(middle);
+    }
+    int axis = 0;
+    (high - low).maxCoeff(&axis);
+    const std::int32_t half = begin + (end - begin) / 2;
+    std::nth_element(order.begin() + begin, order.begin() + half, order.begin() + end,
+                     [&](std::int32_t a, std::int32_t b) {
+                         return middles[static_cast<std::size_t>(a)][axis] < middles[static_cast<std::size_t>(b)][axis];
+                     });
+    return half;
+}
+
+std::int32_t MeshDistance::Tree::makeNode(std::int32_t begin, std::int32_t end) {
     const auto self = nodes.size();
-    nodes.push_back(node);
-    if (end - begin <= kLeafSize) {
-        nodes[self].first = begin;
-        nodes[self].count = end - begin;
-    } else {
-        int axis = 0;
-        (middle_high - middle_low).maxCoeff(&axis);
-        const std::int32_t half = begin + (end - begin) / 2;
-        std::nth_element(
-            order.begin() + begin, order.begin() + half, order.begin() + end, [&](std::int32_t a, std::int32_t b) {
-                return middles[static_cast<std::size_t>(a)][axis] < middles[static_cast<std::size_t>(b)][axis];
-            });
-        split(order, middles, begin, half);
-        nodes[self].first = split(order, middles, half, end);
+    nodes.emplace_back();
+    std::array<std::int32_t, 5> border{begin, begin, begin, begin, end};
+    if (end - begin > kLeafSize) {
+        border[2] = halve(begin, end);
+        border[1] = border[2] - begin > kLeafSize ? halve(begin, border[2]) : begin;
+        border[3] = end - border[2] > kLeafSize ? halve(border[2], end) : border[2];
+    }
+    for (std::size_t child = 0; child < 4; ++child) {
+        const std::int32_t from = border[child], to = border[child + 1];
+        if (from == to) continue;
+        bound(nodes[self], static_cast<Eigen::Index>(child), from, to);
+        const bool leaf = to - from <= kLeafSize;
+        const std::int32_t first = leaf ? from : makeNode(from, to);  // may move the nodes
+        nodes[self].first[child] = first;
+        nodes[self].count[child] = leaf ? to - from : 0;
     }
     return static_cast<std::int32_t>(self);
 }
 
 void MeshDistance::Tree::build() {
-    const auto vertex = [&](std::int32_t v) -> const Vector3& { return mesh.vertices[static_cast<std::size_t>(v)]; };
-    std::vector<Vector3> middles;
-    middles.reserve(mesh.triangles.size());
-    for (const auto& [a, b, c] : mesh.triangles)
-        middles.push_back((vertex(a) + vertex(b) + vertex(c)) / 3);
-    std::vector<std::int32_t> order(mesh.triangles.size());
+    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    const auto count = static_cast<std::int32_t>(mesh.triangles.size());
+    for (std::int32_t t = 0; t < count; ++t) {
+        middles.push_back((corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3);
+        for (std::size_t c = 0; c < 3; ++c) {
+            low = low.cwiseMin(corner(t, c));
+            high = high.cwiseMax(corner(t, c));
+        }
+    }
+    origin = 0.5 * (low + high);
+    extent = (high - low).norm();
+    touch_mm = 1e-9 * extent;
+    order.resize(mesh.triangles.size());
     std::iota(order.begin(), order.end(), 0);
-    nodes.reserve(order.size());
-    split(order, middles, 0, static_cast<std::int32_t>(order.size()));
+    makeNode(0, count);
     facets.reserve(order.size());
     place.resize(order.size());
     for (const std::int32_t t : order) {
-        const auto& [a, b, c] = mesh.triangles[static_cast<std::size_t>(t)];
         place[static_cast<std::size_t>(t)] = static_cast<std::int32_t>(facets.size());
-        facets.push_back({vertex(a), vertex(b) - vertex(a), vertex(c) - vertex(a), t});
+        facets.push_back({corner(t, 0), corner(t, 1) - corner(t, 0), corner(t, 2) - corner(t, 0), t});
     }
-    double extent = 0;
-    for (std::size_t a = 0; a < 3; ++a)
-        extent = std::max<double>(extent, nodes[0].box.high[a] - nodes[0].box.low[a]);
-    touch_mm = 1e-9 * extent;
+    order = {};
+    middles = {};
 }
 
 template <class Limit, class Visit>
-void MeshDistance::Tree::search(const Vector3& p, Limit&& limit2, Visit&& visit) const {
+void MeshDistance::Tree::search(const Vector3& p, Limit&& limit, Visit&& visit) const {
     struct Waiting {
-        std::int32_t node;
-        double distance2;
+        std::int32_t first, count;
+        float distance2;
     };
-    std::array<Waiting, 64> stack;  // halving: never deeper than 32
+    const Vector3 off = p - origin;
+    const std::array<float, 3> at{static_cast<float>(off.x()), static_cast<float>(off.y()),
+                                  static_cast<float>(off.z())};
+    const double rounding = 2e-6 * (extent + off.norm());  // of distances in single precision, with room
+    const auto farthest = [&] {
+        const double within = limit() + rounding;
+        return static_cast<float>(1.00001 * within * within);
+    };
+    float most2 = farthest();
+    std::array<Waiting, 96> stack;  // quartering 2^31 triangles: 16 levels, three waiting at each
     std::size_t waiting = 0;
-    stack[waiting++] = {0, nodes[0].box.distance2(p)};
+    stack[waiting++] = {0, 0, 0};
     while (waiting > 0) {
-        const auto [index, distance2] = stack[--waiting];
-        if (!(distance2 <= limit2())) continue;
-        const Node& node = nodes[static_cast<std::size_t>(index)];
-        if (node.count > 0) {
-            for (std::int32_t i = 0; i < node.count; ++i)
-                visit(facets[static_cast<std::size_t>(node.first + i)]);
+        const auto [first, count, distance2] = stack[--waiting];
+        if (!(distance2 <= most2)) continue;
+        if (count > 0) {
+            for (std::int32_t i = 0; i < count; ++i)
+                visit(facets[static_cast<std::size_t>(first + i)]);
+            most2 = farthest();
             continue;
         }
-        Waiting near{index + 1, nodes[static_cast<std::size_t>(index) + 1].box.distance2(p)};
-        Waiting far{node.first, nodes[static_cast<std::size_t>(node.first)].box.distance2(p)};
-        if (far.distance2 < near.distance2) std::swap(near, far);
-        if (far.distance2 <= limit2()) stack[waiting++] = far;
-        if (near.distance2 <= limit2()) stack[waiting++] = near;
+        const Node& node = nodes[static_cast<std::size_t>(first)];
+        const Node::Four distances2 = node.distance2(at);
+        const std::size_t bottom = waiting;
+        for (std::size_t child = 0; child < 4; ++child) {
+            const float child2 = distances2[static_cast<Eigen::Index>(child)];
+            if (node.count[child] < 0 || !(child2 <= most2)) continue;
+            std::size_t slot = waiting++;  // the nearest on top
+            for (; slot > bottom && stack[slot - 1].distance2 < child2; --slot)
+                stack[slot] = stack[slot - 1];
+            stack[slot] = {node.first[child], node.count[child], child2};
+        }
     }
 }
 
@@ -233,20 +322,21 @@ Result<MeshDistance> MeshDistance::build(TriangleMesh mesh, const std::string& w
 
 NearestPoint MeshDistance::nearest(const Vector3& point, double most_mm, std::int32_t guess) const {
     NearestPoint result;
-    double best2 = most_mm * most_mm;
+    double best2 = most_mm * most_mm, best = most_mm;
     const auto visit = [&](const Facet& facet) {
         const Vector3 q = nearestOnFacet(facet, point);
         const double distance2 = (q - point).squaredNorm();
         if (!(distance2 <= best2)) return;
         if (distance2 == best2 && result.triangle >= 0) return;
         best2 = distance2;
+        best = std::sqrt(distance2);
         result.point = q;
         result.triangle = facet.triangle;
     };
     if (guess >= 0) visit(tree_->facets[static_cast<std::size_t>(tree_->place[static_cast<std::size_t>(guess)])]);
     tree_->search(
-        point, [&] { return best2; }, visit);
-    if (result.triangle >= 0) result.distance_mm = std::sqrt(best2);
+        point, [&] { return best; }, visit);
+    if (result.triangle >= 0) result.distance_mm = best;
     return result;
 }
 
@@ -261,7 +351,7 @@ double MeshDistance::signedDistance(const Vector3& point) const {
     if (angleAround(hit, nearest.point, eps) < 2 * std::numbers::pi) {  // not in the middle of its triangle
         Vector3 sum = Vector3::Zero();
         tree_->search(
-            nearest.point, [&] { return eps * eps; },
+            nearest.point, [&] { return eps; },
             [&](const Facet& facet) {
                 const double angle = angleAround(facet, nearest.point, eps);
                 if (angle > 0) sum += angle * normal(facet);
