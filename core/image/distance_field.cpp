@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -20,8 +21,6 @@ namespace {
 constexpr double kMostVoxels = 1 << 27;
 constexpr double kLookAhead = 8;    // voxels beyond the band, so that a search speaks for the next ones too
 constexpr int kSlicesAtATime = 16;  // between questions whether to stop
-
-using Inside = BasicVolume<std::uint8_t>;
 
 // Where a row of voxels passes through the surface: into the solid (+1) or out of it (-1).
 struct Crossing {
@@ -80,8 +79,7 @@ void addCrossings(const std::array<Vector3, 3>& corner, const VolumeGrid& grid, 
     }
 }
 
-// Voxel centres round which the surface turns at least once.
-Inside insideOf(const TriangleMesh& mesh, const VolumeGrid& grid) {
+Volume turnedRound(const TriangleMesh& mesh, const VolumeGrid& grid) {
     std::vector<Vector3> vertices;
     vertices.reserve(mesh.vertices.size());
     for (const Vector3& v : mesh.vertices)
@@ -95,11 +93,11 @@ Inside insideOf(const TriangleMesh& mesh, const VolumeGrid& grid) {
     }
     std::sort(crossings.begin(), crossings.end(),
               [](const Crossing& a, const Crossing& b) { return a.row != b.row ? a.row < b.row : a.i < b.i; });
-    Inside inside(grid);
+    Volume inside(grid, 1.0F);
     for (std::size_t n = 0; n + 1 < crossings.size(); ++n) {
         int turns = 0;
         const std::size_t row = crossings[n].row;
-        std::uint8_t* voxels = inside.voxels().data() + row * static_cast<std::size_t>(grid.size[0]);
+        float* voxels = inside.voxels().data() + row * static_cast<std::size_t>(grid.size[0]);
         for (; n + 1 < crossings.size() && crossings[n + 1].row == row; ++n) {
             turns += crossings[n].turn;
             if (turns <= 0) continue;
@@ -107,24 +105,25 @@ Inside insideOf(const TriangleMesh& mesh, const VolumeGrid& grid) {
             const double from = std::ceil(std::clamp(crossings[n].i, 0.0, last + 1));
             const double to = std::floor(std::clamp(crossings[n + 1].i, -1.0, last));
             for (int i = static_cast<int>(from); i <= static_cast<int>(to); ++i)
-                voxels[i] = 1;
+                voxels[i] = -1;
         }
     }
     return inside;
 }
 
-void fillSlice(Volume& field, int k, const MeshDistance& surface, const Inside& inside, const FieldBand& band) {
+// Of the slice's voxels, `field` says on which side they are.
+void fillSlice(Volume& field, int k, const MeshDistance& surface, double level, const FieldBand& band) {
     const VolumeGrid& grid = field.grid();
     const double step = grid.spacing_mm.x();
     for (int j = 0; j < field.size(1); ++j) {
         float* row = field.row(j, k);
-        const std::uint8_t* in = inside.row(j, k);
         std::int32_t guess = -1;
         double least = 0;  // what the last search says of this voxel's distance: no less than that
         for (int i = 0; i < field.size(0); ++i, least -= step) {
-            const double limit = in[i] ? band.inside_mm : band.outside_mm;
+            const bool inside = row[i] < level;
+            const double limit = inside ? band.inside_mm : band.outside_mm;
             double distance = limit;
-            if (!(least >= limit)) {
+            if (limit > 0 && !(least >= limit)) {
                 const double most = limit + kLookAhead * step;
                 const NearestPoint nearest = surface.nearest(grid.pointFromIndex(Vector3(i, j, k)), most, guess);
                 if (nearest.triangle >= 0) guess = nearest.triangle;
@@ -132,32 +131,9 @@ void fillSlice(Volume& field, int k, const MeshDistance& surface, const Inside& 
                 distance = std::min(least, limit);
             }
             // inside is below zero, also on a face that another part covers
-            row[i] = static_cast<float>(in[i] ? -std::max(distance, 1e-30) : distance);
+            row[i] = static_cast<float>(inside ? -std::max(distance, 1e-30) : distance);
         }
     }
-}
-
-Result<Volume> filled(const MeshDistance& surface, const Inside& inside, const FieldBand& band, Progress& progress) {
-    Volume field(inside.grid());
-    const int slices = field.size(2);
-    for (int first = 0; first < slices; first += kSlicesAtATime) {
-        progress.report(static_cast<double>(first) / slices, "distances");
-        if (progress.isCancelled()) return cancelled("distance field");
-        const int count = std::min(kSlicesAtATime, slices - first);
-        parallelFor(static_cast<std::size_t>(count), 1, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t n = begin; n < end; ++n)
-                fillSlice(field, first + static_cast<int>(n), surface, inside, band);
-        });
-    }
-    progress.report(1, "distances");
-    return field;
-}
-
-Inside belowLevel(const Volume& field, double level) {
-    Inside inside(field.grid());
-    for (std::size_t n = 0; n < field.voxels().size(); ++n)
-        inside.voxels()[n] = field.voxels()[n] < level;
-    return inside;
 }
 
 }  // namespace
@@ -183,17 +159,34 @@ Result<VolumeGrid> gridAround(const Vector3& low, const Vector3& high, double sp
     return grid;
 }
 
-Result<Volume> distanceField(const TriangleMesh& mesh, const VolumeGrid& grid, const FieldBand& band,
-                             Progress& progress, const std::string& where) {
+Result<Volume> sidesOf(const TriangleMesh& mesh, const VolumeGrid& grid, const std::string& where) {
     if (const Result<void> solid = requireSolid(mesh, where); !solid) return solid.error();
-    const Result<MeshDistance> surface = MeshDistance::build(mesh, where);
-    if (!surface) return surface.error();
-    return filled(*surface, insideOf(mesh, grid), band, progress);
+    return turnedRound(mesh, grid);
 }
 
-Result<Volume> distancesTo(const MeshDistance& surface, const Volume& field, double level, const FieldBand& band,
+Result<Volume> distanceField(const TriangleMesh& mesh, const VolumeGrid& grid, const FieldBand& band,
+                             Progress& progress, const std::string& where) {
+    Result<Volume> sides = sidesOf(mesh, grid, where);
+    if (!sides) return sides;
+    const Result<MeshDistance> surface = MeshDistance::build(mesh, where);
+    if (!surface) return surface.error();
+    return distancesTo(*surface, std::move(*sides), 0, band, progress);
+}
+
+Result<Volume> distancesTo(const MeshDistance& surface, Volume field, double level, const FieldBand& band,
                            Progress& progress) {
-    return filled(surface, belowLevel(field, level), band, progress);
+    const int slices = field.size(2);
+    for (int first = 0; first < slices; first += kSlicesAtATime) {
+        progress.report(static_cast<double>(first) / slices, "distances");
+        if (progress.isCancelled()) return cancelled("distance field");
+        const int count = std::min(kSlicesAtATime, slices - first);
+        parallelFor(static_cast<std::size_t>(count), 1, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t n = begin; n < end; ++n)
+                fillSlice(field, first + static_cast<int>(n), surface, level, band);
+        });
+    }
+    progress.report(1, "distances");
+    return field;
 }
 
 Result<Volume> redistanced(const Volume& field, const FieldBand& band, double level, Progress& progress) {

@@ -13,6 +13,8 @@
 // sharp edges are cut off by up to 0.35 h.
 #pragma once
 
+#include <string>
+
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/geometry/mesh_distance.h"
@@ -39,12 +41,16 @@ Result<VolumeGrid> gridAround(const Vector3& low, const Vector3& high, double sp
 Result<Volume> distanceField(const TriangleMesh& mesh, const VolumeGrid& grid, const FieldBand& band,
                              Progress& progress = Progress::none(), const std::string& where = "mesh");
 
+// On which side of the solid's surface the voxel centres lie: -1 inside (where the surface turns round them), 1
+// outside.
+Result<Volume> sidesOf(const TriangleMesh& mesh, const VolumeGrid& grid, const std::string& where = "mesh");
+
 // Distances to where `field` has the level, through its isosurface; the surface may leave the grid.
 Result<Volume> redistanced(const Volume& field, const FieldBand& band, double level = 0,
                            Progress& progress = Progress::none());
 
 // Distances to a surface, negative where `field` is below the level (both in the frame of the field's grid).
-Result<Volume> distancesTo(const MeshDistance& surface, const Volume& field, double level, const FieldBand& band,
+Result<Volume> distancesTo(const MeshDistance& surface, Volume field, double level, const FieldBand& band,
                            Progress& progress = Progress::none());
 
 // field'(i, j, k) = min over k' <= k of field(i, j, k'): what a solid covers that is pulled out toward rising k.
