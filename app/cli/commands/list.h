@@ -17,12 +17,14 @@ Command declareCorkscrew(CLI::App& parent);
 Command declareCoregister(CLI::App& parent);
 Command declareRegister(CLI::App& parent);
 Command declareImplant(CLI::App& parent);
+Command declarePlan(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 12> kCommands{
-    declareDrr,        declarePhantom,  declareCutVolume, declareDewarp,    declareCalibrate,   declareCorkscrew,
-    declareCoregister, declareRegister, declareImplant,   declareFabricate, declarePaperTables, declareInfo};
+inline constexpr std::array<Declare, 13> kCommands{
+    declareDrr,       declarePhantom,     declareCutVolume, declareDewarp,  declareCalibrate,
+    declareCorkscrew, declareCoregister,  declareRegister,  declareImplant, declarePlan,
+    declareFabricate, declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli
