@@ -20,9 +20,6 @@ constexpr std::uint32_t kLeaf = 4;
 
 struct Corners {
     Vector3 a, b, c;
-
-    Vector3 low() const { return a.cwiseMin(b).cwiseMin(c); }
-    Vector3 high() const { return a.cwiseMax(b).cwiseMax(c); }
 };
 
 double squaredDistanceInRegions(const Vector3& p, const Corners& t) {
@@ -131,6 +128,12 @@ struct Sheet {
         return std::max(along_box, along_own);
     }
 
+    double squaredGap(const Corners& t) const {
+        const Vector3 a = frame * t.a, b = frame * t.b, c = frame * t.c;
+        const Vector3 t_low = a.cwiseMin(b).cwiseMin(c), t_high = a.cwiseMax(b).cwiseMax(c);
+        return (t_low - own_high).cwiseMax(own_low - t_high).cwiseMax(0).squaredNorm();
+    }
+
     double squaredDistanceTo(const Vector3& p) const {
         return std::min(squaredDistance(p, half[0]), squaredDistance(p, half[1]));
     }
@@ -196,7 +199,7 @@ class Walls {
             const Node& node = nodes_[here.node];
             if (node.right == 0) {
                 for (std::uint32_t i = node.begin; i < node.end; ++i)
-                    if (sheet.squaredGap(walls_[i].low(), walls_[i].high()) < best2)
+                    if (sheet.squaredGap(walls_[i]) < best2)
                         best2 = std::min(best2, sheet.squaredDistanceTo(walls_[i]));
                 continue;
             }

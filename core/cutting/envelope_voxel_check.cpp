@@ -12,7 +12,9 @@
 // asked for: within e (L - R) / R.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include <fmt/format.h>
@@ -49,21 +51,23 @@ double planeOffset(const Vector3& normal, double filled) {
     return 0.5 * (low + high) - 0.5 * sum;
 }
 
-// min over q of (p - q)^2 h^2 + f(q), in place, for values `step` apart.
+// min over q of (p - q)^2 h^2 + f(q), in place, for values `step` apart, and the site at which it is reached.
 class LineTransform {
   public:
     explicit LineTransform(int count)
         : values_(static_cast<std::size_t>(count)),
+          names_(static_cast<std::size_t>(count)),
           sites_(static_cast<std::size_t>(count)),
           from_(static_cast<std::size_t>(count)) {}
 
-    void operator()(float* line, std::size_t step, double h) {
+    void operator()(float* line, std::int32_t* name, std::size_t step, double h) {
         const int count = static_cast<int>(values_.size());
         const double h2 = h * h;
         int last = -1;
         for (int q = 0; q < count; ++q) {
             const double f = static_cast<double>(line[static_cast<std::size_t>(q) * step]);
             at(values_, q) = f;
+            at(names_, q) = name[static_cast<std::size_t>(q) * step];
             if (f >= static_cast<double>(kFar)) continue;
             double from = -std::numeric_limits<double>::infinity();
             while (last >= 0) {
@@ -83,6 +87,7 @@ class LineTransform {
                 ++k;
             const int v = at(sites_, k);
             line[static_cast<std::size_t>(p) * step] = static_cast<float>(h2 * (p - v) * (p - v) + at(values_, v));
+            name[static_cast<std::size_t>(p) * step] = at(names_, v);
         }
     }
 
@@ -92,6 +97,7 @@ class LineTransform {
         return values[static_cast<std::size_t>(i)];
     }
     std::vector<double> values_;
+    std::vector<std::int32_t> names_;
     std::vector<int> sites_;
     std::vector<double> from_;
 };
@@ -125,35 +131,54 @@ class VoxelEnvelope {
     }
 
     double open() const { return open_; }
-    double voxel() const { return distance_.grid().spacing_mm.x(); }
+    double voxel() const { return grid_.spacing_mm.x(); }
 
-    // 0 outside.
+    // Between the voxels' centres: to the nearest of the sites that the eight voxels around have, which is right on
+    // ridges of the distance too, where interpolation is not. 0 outside.
     double distance(const Vector3& p) const {
-        Vector3 index = (p - distance_.grid().origin_mm) / voxel();
-        index.z() = std::min(index.z(), static_cast<double>(distance_.size(2) - 1));
-        return static_cast<double>(sampleLinear(distance_, index, 0));
+        Vector3 place = (p - grid_.origin_mm) / voxel();
+        place.z() = std::min(place.z(), static_cast<double>(grid_.size[2] - 1));
+        int base[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            const int last = grid_.size[static_cast<std::size_t>(axis)] - 1;
+            if (!(place[axis] >= 0 && place[axis] <= last)) return 0;
+            base[axis] = std::min(static_cast<int>(place[axis]), last - 1);
+        }
+        double least = std::numeric_limits<double>::infinity();
+        std::int32_t before = -1;
+        for (int corner = 0; corner < 8; ++corner) {
+            const std::int32_t site =
+                nearest_(base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2));
+            if (site == before) continue;
+            before = site;
+            const int i = site % grid_.size[0], row = site / grid_.size[0];
+            const Vector3 at(i, row % grid_.size[1], row / grid_.size[1]);
+            const double start = static_cast<double>(start_.voxels()[static_cast<std::size_t>(site)]);
+            least = std::min(least, (place - at).squaredNorm() * voxel() * voxel() + start);
+        }
+        return least > 0 ? std::sqrt(least) : 0;
     }
 
   private:
     VoxelEnvelope(const VolumeGrid& grid, const VoxelCoverage& coverage, double radius, double open)
-        : distance_(grid, 0), open_(open) {
+        : grid_(grid), start_(grid), nearest_(grid), open_(open) {
+        Volume filled(grid);
         const Volume& block = coverage.fraction;
         for (int k = 0; k < block.size(2); ++k)
             for (int j = 0; j < block.size(1); ++j)
                 std::copy_n(block.row(j, k), block.size(0),
-                            distance_.row(j + coverage.offset[1], k + coverage.offset[2]) + coverage.offset[0]);
-        placeSites(radius);
+                            filled.row(j + coverage.offset[1], k + coverage.offset[2]) + coverage.offset[0]);
+        placeSites(filled, radius);
         transform();
     }
 
-    void placeSites(double radius) {
-        const Volume filled = distance_;
+    void placeSites(const Volume& filled, double radius) {
         const int nx = filled.size(0), ny = filled.size(1), nz = filled.size(2);
         parallelFor(static_cast<std::size_t>(nz), 4, [&](std::size_t begin, std::size_t end) {
             for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
                 for (int j = 0; j < ny; ++j)
                     for (int i = 0; i < nx; ++i) {
-                        float& site = distance_(i, j, k);
+                        float& site = start_(i, j, k);
                         const double part = static_cast<double>(filled(i, j, k));
                         if (part >= 1 - 1e-6) {
                             site = kFar;
@@ -183,25 +208,25 @@ class VoxelEnvelope {
     }
 
     void transform() {
-        const std::size_t nx = static_cast<std::size_t>(distance_.size(0)),
-                          ny = static_cast<std::size_t>(distance_.size(1)),
-                          nz = static_cast<std::size_t>(distance_.size(2));
-        float* const data = distance_.voxels().data();
+        Volume work = start_;
+        std::iota(nearest_.voxels().begin(), nearest_.voxels().end(), 0);
+        const std::size_t nx = static_cast<std::size_t>(grid_.size[0]), ny = static_cast<std::size_t>(grid_.size[1]),
+                          nz = static_cast<std::size_t>(grid_.size[2]);
         const auto along = [&](std::size_t count, std::size_t step, std::size_t lines, auto start) {
             parallelFor(lines, 256, [&](std::size_t begin, std::size_t end) {
                 LineTransform line(static_cast<int>(count));
                 for (std::size_t l = begin; l < end; ++l)
-                    line(data + start(l), step, voxel());
+                    line(work.voxels().data() + start(l), nearest_.voxels().data() + start(l), step, voxel());
             });
         };
         along(nx, 1, ny * nz, [&](std::size_t l) { return l * nx; });
         along(ny, nx, nx * nz, [&](std::size_t l) { return l / nx * nx * ny + l % nx; });
         along(nz, nx * ny, nx * ny, [&](std::size_t l) { return l; });
-        for (float& d : distance_.voxels())
-            d = d > 0 ? std::sqrt(d) : 0;
     }
 
-    Volume distance_;
+    VolumeGrid grid_;
+    Volume start_;                       // of the sites
+    BasicVolume<std::int32_t> nearest_;  // site of every voxel, as an index into start_
     double open_;
 };
 

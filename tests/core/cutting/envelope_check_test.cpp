@@ -106,6 +106,21 @@ TEST(EnvelopeCheck, VoxelsPlaceASurfaceWithinATenthOfAVoxel) {
     }
 }
 
+TEST(EnvelopeCheck, ABallThatJustFitsIsNotRefused) {
+    // Its centre's places are a line: the ridge of the distance, in all places relative to the voxels.
+    for (int k = 0; k < 8; ++k) {
+        const CavityShape pit = moved(cylinderCavity(3.02, 20 + 0.03 * k, 3.02), {0.031 * k, -0.017 * k});
+        ToolPath path = straightDown(0, -16.98 - 0.03 * k);
+        for (ToolMove& move : path.moves)
+            for (Vector3* p : {&move.segment.from_mm, &move.segment.to_mm})
+                *p += Vector3(0.031 * k, -0.017 * k, 0);
+        const Both both = check(path, opened(meshOf(pit, 30, 120)));
+        ASSERT_TRUE(both.mesh && both.voxels);
+        EXPECT_TRUE(both.mesh->passed());
+        EXPECT_LE(both.voxels->worst_mm, 0.1 * 0.25);
+    }
+}
+
 TEST(EnvelopeCheck, TheShankIsHeldAgainstTheWallsToo) {
     // The ball is well inside; the spindle leans so that the shank, 15 mm higher, has gone 15 tan a aside.
     TriangleMesh cylinder = makeCylinder(6, 20, 512);
