@@ -13,6 +13,7 @@
 #include "core/fiducial/corkscrew_layout.h"
 #include "core/io/json_file.h"
 #include "core/io/pose_file.h"
+#include "core/planning/implant_file.h"
 #include "core/registration/registration_file.h"
 
 namespace fluorocut::cli {
@@ -40,6 +41,32 @@ Report reportOf(const Pose& pose) {
     } else {
         report.json["covariance"] = nullptr;
     }
+    return report;
+}
+
+// A family of stems, or one stem that a mesh gives.
+Result<Report> infoOfImplant(const std::filesystem::path& file) {
+    Report report;
+    if (const Result<ImplantFamily> family = readImplantFamily(file); family) {
+        std::vector<std::string> sizes;
+        for (const StemSize& size : family->sizes)
+            sizes.push_back(size.name);
+        report.json = {{"kind", "implant family"},     {"format", "JSON"},
+                       {"name", family->name},         {"sizes", sizes},
+                       {"necks_mm", family->necks_mm}, {"heads_mm", family->heads_mm}};
+        report.line("implants", family->name + ": " + family->description);
+        report.line("sizes", fmt::format("{}, {} to {}", sizes.size(), sizes.front(), sizes.back()));
+        return report;
+    }
+    const Result<Implant> implant = loadImplant(file.string());
+    if (!implant) return implant.error();
+    report.json = {{"kind", "implant"},
+                   {"format", "JSON"},
+                   {"name", implant->family},
+                   {"side", name(implant->side)},
+                   {"stem_length_mm", implant->stem_length_mm}};
+    report.line("implant", fmt::format("{}, {}, {:.1f} mm long below the resection", implant->family,
+                                       name(implant->side), implant->stem_length_mm));
     return report;
 }
 
@@ -217,6 +244,7 @@ const std::map<std::string, Reader>& readers() {
         {"fluorocut/plate/1", [](const auto& file) { return reportOrError(readGroovedPlate(file)); }},
         {"fluorocut/corkscrew/1", [](const auto& file) { return reportOrError(readCorkscrew(file)); }},
         {"fluorocut/beads/1", [](const auto& file) { return reportOrError(readBeadLayout(file)); }},
+        {"fluorocut/implant/1", infoOfImplant},
         {"fluorocut/registration/1", [](const auto& file) { return reportOrError(readRegistration(file)); }},
         {"fluorocut/distortion/1", [](const auto& file) { return reportOrError(readDistortionMap(file)); }},
         {"fluorocut/distortion-set/1", [](const auto& file) { return reportOrError(readDistortionMapSet(file)); }},

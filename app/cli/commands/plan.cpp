@@ -14,6 +14,7 @@ Command declarePlan(CLI::App& parent) {
     app->fallthrough();
     const std::vector<Command> kinds{
         declarePlanStages(*app),
+        declarePlanPredict(*app),
     };
     app->footer("`fluorocut-cli plan stages --help` tells its options.");
     return {app, [kinds](Progress& progress) -> Result<Report> {

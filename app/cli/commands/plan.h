@@ -6,5 +6,6 @@
 namespace fluorocut::cli {
 
 Command declarePlanStages(CLI::App& parent);
+Command declarePlanPredict(CLI::App& parent);
 
 }  // namespace fluorocut::cli
