@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -86,10 +87,47 @@ Vector2 crossing(const Value& value, Vector2 a, double fa, Vector2 b, double fb)
     return p;
 }
 
+// The least value near a place, by steps along the axes that get smaller.
+template <class Value>
+Vector2 deepest(const Value& value, Vector2 at, double step) {
+    double least = value(at);
+    for (; step > 1e-3; step *= 0.5) {
+        for (bool better = true; better;) {
+            better = false;
+            for (int k = 0; k < 8; ++k) {
+                const double around = k * std::numbers::pi / 4;
+                const Vector2 other = at + step * Vector2(std::cos(around), std::sin(around));
+                const double there = value(other);
+                if (there < least - 1e-9) least = there, at = other, better = true;
+            }
+        }
+    }
+    return at;
+}
+
+// A part of the region that none of the grid's nodes is in, as it is seen from its deepest place.
+template <class Value>
+PlaneRegion aroundDeepest(const Value& value, const Vector2& node, double spacing) {
+    if (!(value(node) < spacing)) return {};
+    const Vector2 middle = deepest(value, node, 0.5 * spacing);
+    const double least = value(middle);
+    if (!(least < -1e-4)) return {};
+    Polygon polygon;
+    constexpr int kRays = 24;
+    for (int k = 0; k < kRays; ++k) {
+        const double around = 2 * std::numbers::pi * k / kRays;
+        const Vector2 end = middle + 2 * spacing * Vector2(std::cos(around), std::sin(around));
+        const double there = value(end);
+        if (!(there > 0)) return {};
+        polygon.push_back(crossing(value, middle, least, end, there));
+    }
+    return {polygon};
+}
+
 }  // namespace
 
-Result<BallReach> BallReach::of(const Volume& field, double radius_mm, double top_mm, double open_mm,
-                                double tolerance_mm) {
+Result<BallReach> BallReach::of(const Volume& field, const MeshDistance* wall, double radius_mm, double top_mm,
+                                double open_mm, double tolerance_mm) {
     const VolumeGrid& grid = field.grid();
     if (std::min({grid.size[0], grid.size[1], grid.size[2]}) < 2) {
         return invalidInput("cavity field",
@@ -107,7 +145,7 @@ Result<BallReach> BallReach::of(const Volume& field, double radius_mm, double to
         return invalidInput("cavity field", fmt::format("a top at {:.2f} mm", top_mm),
                             fmt::format("one inside the field, {:.2f} to {:.2f} mm", low, high));
     }
-    BallReach reach(field, radius_mm, top_mm, open_mm, tolerance_mm);
+    BallReach reach(field, wall, radius_mm, top_mm, open_mm, tolerance_mm);
     reach.straight_ = reach.widensUpward();
     return reach;
 }
@@ -132,7 +170,11 @@ bool BallReach::widensUpward() const {
 double BallReach::ballValue(const Vector3& center) const {
     const Vector3 point(center.x(), center.y(), std::min(center.z(), top_mm_));
     const Vector3 index = (point - field_->grid().origin_mm).cwiseQuotient(field_->grid().spacing_mm);
-    return static_cast<double>(sampleLinear(*field_, index, static_cast<float>(kOutside))) + radius_mm_;
+    const double value = static_cast<double>(sampleLinear(*field_, index, static_cast<float>(kOutside))) + radius_mm_;
+    // Interpolation is off by less than a voxel: farther from the border its sign is enough.
+    if (!wall_ || !(std::abs(value) < field_->grid().spacing_mm.maxCoeff())) return value;
+    const NearestPoint near = wall_->nearest(point, radius_mm_ + 2 * field_->grid().spacing_mm.maxCoeff());
+    return near.triangle >= 0 ? radius_mm_ - near.distance_mm : value;
 }
 
 double BallReach::value(const Vector3& center, const Vector3& spindle) const {
@@ -172,7 +214,11 @@ PlaneRegion BallReach::contour(double z_mm, const Value& value) const {
             any |= (values[static_cast<std::size_t>(n)] = level(node(n))) <= 0;
         }
     }
-    if (!any) return {};
+    if (!any) {
+        const auto least = std::min_element(values.begin(), values.end());
+        return aroundDeepest(level, node(static_cast<int>(least - values.begin())),
+                             grid.spacing_mm.head<2>().maxCoeff());
+    }
 
     PlaneRegion region;
     for (const std::vector<int>& loop : MarchingSquares(values, columns, rows).loops()) {
@@ -229,14 +275,21 @@ std::vector<Vector3> BallReach::places(double z_mm, int stride) const {
 
 bool BallReach::anywhere(double z_mm) const {
     const VolumeGrid& grid = field_->grid();
+    Vector3 best(0, 0, z_mm);
+    double least = kOutside;
     for (int j = 1; j + 1 < grid.size[1]; ++j) {
         for (int i = 1; i + 1 < grid.size[0]; ++i) {
             Vector3 place = grid.pointFromIndex(Vector3(i, j, 0));
             place.z() = z_mm;
-            if (ballValue(place) <= -tolerance_mm_) return true;
+            const double value = ballValue(place);
+            if (value <= -tolerance_mm_) return true;
+            if (value < least) least = value, best = place;
         }
     }
-    return false;
+    const double spacing = grid.spacing_mm.head<2>().maxCoeff();
+    if (!(least < spacing)) return false;
+    const auto value = [&](const Vector2& p) { return ballValue(Vector3(p.x(), p.y(), z_mm)); };
+    return value(deepest(value, best.head<2>(), spacing)) <= -tolerance_mm_;
 }
 
 double BallReach::lowest() const {

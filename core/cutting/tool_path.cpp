@@ -8,6 +8,8 @@
 
 #include "core/base/option_checks.h"
 #include "core/cutting/layer_plan.h"
+#include "core/geometry/mesh_distance.h"
+#include "core/geometry/mesh_properties.h"
 
 namespace fluorocut {
 namespace {
@@ -284,15 +286,40 @@ Result<void> ToolPathOptions::validate() const {
                           {"removal_rate_mm3_s", removal_rate_mm3_s, 0.01, 1e6, "mm3/s"}});
 }
 
-Result<ToolPath> planToolPath(const Volume& field, double top_mm, const ToolPathOptions& options, Progress& progress) {
+namespace {
+
+Result<ToolPath> plan(const Volume& field, const MeshDistance* wall, double top_mm, const ToolPathOptions& options,
+                      Progress& progress) {
     if (Result<void> ok = options.validate(); !ok) return ok.error();
     const Result<BallReach> reach =
-        BallReach::of(field, options.cutter.radius_mm, top_mm, options.openPlane(top_mm), options.tolerance_mm);
+        BallReach::of(field, wall, options.cutter.radius_mm, top_mm, options.openPlane(top_mm), options.tolerance_mm);
     if (!reach) return reach.error();
     SubProgress first(progress, 0, 0.7), second(progress, 0.7, 1);
-    const Result<LayerPlan> plan = planLayers(*reach, top_mm, options, first);
-    if (!plan) return plan.error();
-    return Writer(*plan, reach->ballRegion(top_mm), top_mm, options).write(second);
+    const Result<LayerPlan> layers = planLayers(*reach, top_mm, options, first);
+    if (!layers) return layers.error();
+    return Writer(*layers, reach->ballRegion(top_mm), top_mm, options).write(second);
+}
+
+}  // namespace
+
+Result<ToolPath> planToolPath(const Volume& field, double top_mm, const ToolPathOptions& options, Progress& progress) {
+    return plan(field, nullptr, top_mm, options, progress);
+}
+
+Result<ToolPath> planToolPath(const Volume& field, const TriangleMesh& planned, double top_mm,
+                              const ToolPathOptions& options, Progress& progress) {
+    if (Result<void> solid = requireSolid(planned, "planned cavity"); !solid) return solid.error();
+    // The top is open: its face is no wall.
+    TriangleMesh walls{planned.vertices, {}};
+    for (const Triangle& t : planned.triangles) {
+        const auto below = [&](std::int32_t v) {
+            return planned.vertices[static_cast<std::size_t>(v)].z() < top_mm - 1e-6;
+        };
+        if (std::any_of(t.begin(), t.end(), below)) walls.triangles.push_back(t);
+    }
+    const Result<MeshDistance> wall = MeshDistance::build(std::move(walls), "planned cavity below its top");
+    if (!wall) return wall.error();
+    return plan(field, &*wall, top_mm, options, progress);
 }
 
 }  // namespace fluorocut

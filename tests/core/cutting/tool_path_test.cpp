@@ -186,14 +186,43 @@ TEST(ToolPath, TiltReachesWhatConstantOrientationCannot) {
     expectWhole(tilted, options);
     ASSERT_EQ(straight.warnings.size(), 1u);
     EXPECT_NE(straight.warnings[0].find("the shank would leave the cavity"), std::string::npos);
-    // Straight down, a way of radius 2 ends where the arc has gone 4 mm aside, or 3.5 if a voxel's width must be left:
-    // 500 (1 - cos a) = 3.5, 500 sin a = 59.1; layers are 1 mm apart.
-    EXPECT_NEAR(lowestCut(straight), -59.1, 1);
+    // Straight down, a way of radius 2 ends where the arc has gone 4 mm aside: 500 (1 - cos a) = 4, 500 sin a = 63.1;
+    // layers are 1 mm apart.
+    EXPECT_NEAR(lowestCut(straight), -63.1, 1);
     EXPECT_NEAR(lowestCut(tilted), 3 - 70, 1);
     EXPECT_LT(tilted.unreached, 0.35 * straight.unreached);
     // The shank is sampled at half a millimetre on a bend of 500 mm: far below the field's own 0.02.
     EXPECT_LE(mostBeyond(straight, bowed, options.openPlane(0)), 0.02);
     EXPECT_LE(mostBeyond(tilted, bowed, options.openPlane(0)), 0.02);
+}
+
+TEST(ToolPath, TheMeshGivesBackTheEdgesThatTheFieldRoundsOff) {
+    // Edges as round as the cutter: the ball's places have sharp corners. Their diagonal is cut off by the field.
+    const CavityShape shape = squaredCavity({5, 4.5}, {6, 5.5}, 20, 3);
+    const Volume field = fieldOf(shape, 0.5);
+    const TriangleMesh mesh = meshOf(shape, 40, 240);
+    ToolPathOptions options;
+    const ToolPath rounded = plannedOr(field, options);
+    const Result<ToolPath> sharp = planToolPath(field, mesh, 0, options);
+    ASSERT_TRUE(sharp) << sharp.error().message();
+    expectWhole(*sharp, options);
+    // Walls lean 1 in 20: at the height z of the ball's centre the corner is 3 / cos(lean) inside the walls' own.
+    const auto farthest = [](const ToolPath& path) {
+        double shortest = 0;
+        for (const ToolMove& move : path.moves) {
+            const Vector3& p = move.segment.to_mm;
+            if (p.z() > -12 || p.z() < -14) continue;
+            const Vector2 corner = Vector2(6, 5.5) + Vector2::Constant(p.z() / 20 - 3 * std::hypot(1, 0.05));
+            const double left = (corner - p.head<2>().cwiseAbs()).norm();
+            shortest = shortest == 0 ? left : std::min(shortest, left);
+        }
+        return shortest;
+    };
+    EXPECT_GT(farthest(rounded), 0.05);
+    // The mesh's chords of 0.15 mm, 0.001 mm deep, and the path's own tolerance on two walls, and its chords'.
+    EXPECT_LE(farthest(*sharp), 2.5 * options.tolerance_mm);
+    EXPECT_LE(mostBeyond(*sharp, shape, options.openPlane(0)), 0);
+    EXPECT_EQ(planToolPath(field, TriangleMesh{}, 0).error().where, "planned cavity");
 }
 
 TEST(ToolPath, TiltIsNotUsedWhereItIsNotNeeded) {
