@@ -186,7 +186,7 @@ Result<BoneWalls> findBoneWalls(const Volume& ct, const AxisLine& axis, const Bo
         level.along_mm = static_cast<double>(l) * options.level_step_mm;
         const SectionPlane plane{axis.distal + level.along_mm * w, walls.u, walls.v};
         auto section = boneSection(ct, plane, options.reach_mm, pixel, place, l == 0 ? options.near_mm : 5, thresholds);
-        if (!section || section->at_border) {
+        if (!section) {
             const Vector3 p = plane.at(place);
             return noSolution(fmt::format("bone at {:.1f}, {:.1f}, {:.1f} mm", p.x(), p.y(), p.z()),
                               section ? fmt::format("bone that goes on beyond {:g} mm from the axis", options.reach_mm)
@@ -246,8 +246,10 @@ Result<BoneWalls> findBoneWalls(const Volume& ct, const AxisLine& axis, const Bo
             for (std::size_t ray = begin; ray < end; ++ray) {
                 const CortexWalls found =
                     cortexWalls(profiles[l * rays + ray], walls.cortical_hu, walls.blur_mm, !options.half_maximum);
-                canal(l, ray) = found.inner_mm;
-                outer(l, ray) = found.outer_mm;
+                // Into the neck a ray may find no end: the wall lies beyond its reach.
+                const bool endless = profiles[l * rays + ray].exit_mm > options.reach_mm - 1;
+                canal(l, ray) = endless ? std::min(found.inner_mm, options.reach_mm - 1) : found.inner_mm;
+                outer(l, ray) = endless ? options.reach_mm : found.outer_mm;
             }
         });
     }
@@ -271,7 +273,8 @@ Result<BoneWalls> findBoneWalls(const Volume& ct, const AxisLine& axis, const Bo
     walls.canal = skinOf(walls, false);
     const VolumeGrid grid = fieldGrid(walls, options.field_spacing_mm);
     SubProgress outer_progress(progress, 0.6, 0.8), canal_progress(progress, 0.8, 1);
-    Result<Volume> outer_field = distanceField(walls.outer, grid, FieldBand(kWallBandMm), outer_progress, "outer wall");
+    Result<Volume> outer_field =
+        distanceField(walls.outer, grid, FieldBand(kOuterDepthMm, kWallBandMm), outer_progress, "outer wall");
     if (!outer_field) return outer_field.error();
     Result<Volume> canal_field = distanceField(walls.canal, grid, FieldBand(kWallBandMm), canal_progress, "canal");
     if (!canal_field) return canal_field.error();

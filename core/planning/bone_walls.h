@@ -79,8 +79,8 @@ struct BoneWalls {
     Vector3 canalCenter(const WallLevel& level) const;
 };
 
-// Distances of the fields are limited to this.
-inline constexpr double kWallBandMm = 8;
+// Distances of the fields are limited to this; to the second inside the outer surface.
+inline constexpr double kWallBandMm = 8, kOuterDepthMm = 16;
 
 // invalidOption; noSolution names the level where no bone with a canal was found; cancelled.
 Result<BoneWalls> findBoneWalls(const Volume& ct, const AxisLine& axis, const BoneWallOptions& options = {},
