@@ -37,10 +37,19 @@ class Remover {
     fs::path path_;
 };
 
+// "out/" is the folder "out".
+fs::path withoutSlash(const fs::path& target) {
+    return target.has_filename() ? target : target.parent_path();
+}
+
+fs::path folderOf(const fs::path& target) {
+    return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
 }  // namespace
 
 Result<void> writeWhole(const fs::path& target, const std::function<Result<void>(const fs::path&)>& write) {
-    const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+    const fs::path folder = folderOf(target);
     std::error_code code;
     if (!fs::is_directory(folder, code)) {
         return outputFailed(target.string(), "no folder " + folder.string(), "create it or name another output");
@@ -78,10 +87,8 @@ Result<void> writeWhole(const fs::path& target, std::string_view content) {
     });
 }
 
-Result<void> writeWholeFolder(const fs::path& target, const std::function<Result<void>(const fs::path&)>& write) {
-    // "out/" is the folder "out".
-    const fs::path named = target.has_filename() ? target : target.parent_path();
-    const fs::path parent = named.has_parent_path() ? named.parent_path() : fs::path(".");
+Result<void> requireNewFolder(const fs::path& target) {
+    const fs::path named = withoutSlash(target), parent = folderOf(named);
     std::error_code code;
     if (named.empty() || !fs::is_directory(parent, code)) {
         return outputFailed(target.string(), "no folder " + parent.string(), "create it or name another output");
@@ -91,6 +98,13 @@ Result<void> writeWholeFolder(const fs::path& target, const std::function<Result
                              fs::is_directory(named, code) ? "a folder that is not empty" : "a file of that name",
                              "a new or an empty folder", "nothing is overwritten: name another one");
     }
+    return {};
+}
+
+Result<void> writeWholeFolder(const fs::path& target, const std::function<Result<void>(const fs::path&)>& write) {
+    if (const Result<void> good = requireNewFolder(target); !good) return good.error();
+    const fs::path named = withoutSlash(target), parent = folderOf(named);
+    std::error_code code;
     std::string pattern = (parent / ".fluorocut-XXXXXX").string();
     if (::mkdtemp(pattern.data()) == nullptr) {
         return outputFailed(target.string(), std::string("no folder can be made: ") + std::strerror(errno));

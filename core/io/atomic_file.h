@@ -22,4 +22,7 @@ Result<void> writeWhole(const std::filesystem::path& target, std::string_view co
 Result<void> writeWholeFolder(const std::filesystem::path& target,
                               const std::function<Result<void>(const std::filesystem::path& temporary)>& write);
 
+// What writeWholeFolder refuses, asked before long work.
+Result<void> requireNewFolder(const std::filesystem::path& target);
+
 }  // namespace fluorocut
