@@ -401,7 +401,14 @@ class Estimate {
             here = again;
         const ScaledFit better = bestScaledFit(*image_, carm_, layout_, here);
         const bool other = better.rms_px < kMuchBetter * here.rms_px && std::abs(better.factor - 1) > kOtherFocal;
-        return other ? wrongScale(better) : Result<void>();
+        if (!other) return {};
+        // Crowded lines lean on each other and on the rod's limb: the image itself has the last word.
+        CorkscrewFitOptions quick;
+        quick.evidence = false;
+        const Result<CorkscrewFit> image =
+            refineOnImage(*image_, withFocalFactor(carm_, better.factor), layout_, better.imager_from_corkscrew, quick);
+        const bool explains = image && image->log_likelihood > best.log_likelihood + kEqualLikelihood;
+        return explains ? wrongScale(better) : Result<void>();
     }
 
     // Where nothing is found with the C-arm's own focal length, or something much too near the source: is there a
