@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include "core/cutting/tool_path_file.h"
 #include "core/geometry/primitives.h"
 #include "core/imaging/carm_file.h"
 #include "core/io/image_file.h"
@@ -94,6 +95,18 @@ TEST_F(InfoTest, PosesAndCArms) {
     ASSERT_OK(writeCArm(scratch_ / "carm.json", carm));
     EXPECT_EQ(infoOf("carm.json")["kind"], "carm");
     EXPECT_EQ(infoOf("carm.json")["name"], "Polarix");
+}
+
+TEST_F(InfoTest, ToolPaths) {
+    ToolPath path;
+    path.moves.push_back({{{0, 0, 8}, {0, 0, -5}, {0, 0, 1}}, ToolMotion::entry, 2});
+    path.moves.push_back({{{0, 0, -5}, {4, 0, -5}, {0, 0, 1}}, ToolMotion::cut, 2});
+    path.layers = 1;
+    ASSERT_OK(writeToolPath(scratch_ / "path.json", path));
+    const nlohmann::json info = infoOf("path.json");
+    EXPECT_EQ(info["kind"], "tool-path");
+    EXPECT_EQ(info["moves"], 2);
+    EXPECT_TRUE(info["time_s"].is_null());  // never worked out
 }
 
 TEST_F(InfoTest, WhatCannotBeReadIsNamed) {

@@ -1,11 +1,13 @@
 #include "app/cli/commands/info_json.h"
 
 #include <functional>
+#include <limits>
 #include <map>
 
 #include "app/cli/files.h"
 #include "app/cli/numbers.h"
 #include "core/base/units.h"
+#include "core/cutting/tool_path_file.h"
 #include "core/distortion/distortion_acceptance.h"
 #include "core/distortion/distortion_map_set.h"
 #include "core/distortion/grooved_plate.h"
@@ -229,6 +231,32 @@ Report reportOf(const DistortionMapSet& set) {
     return report;
 }
 
+Report reportOf(const ToolPath& path) {
+    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (const ToolMove& move : path.moves) {
+        low = low.cwiseMin(move.segment.from_mm).cwiseMin(move.segment.to_mm);
+        high = high.cwiseMax(move.segment.from_mm).cwiseMax(move.segment.to_mm);
+    }
+    Report report;
+    report.json = {{"kind", "tool-path"},
+                   {"format", "JSON"},
+                   {"cutter_radius_mm", path.cutter.radius_mm},
+                   {"cutter_length_mm", path.cutter.length_mm},
+                   {"moves", path.moves.size()},
+                   {"layers", path.layers},
+                   {"cutting_mm", path.cutting_mm},
+                   {"time_s", path.time_s}};
+    report.line("tool path",
+                fmt::format("{} moves in {} layers, a proposal that is not checked", path.moves.size(), path.layers));
+    report.line("cutter",
+                fmt::format("ball of {:g} mm radius, shank of {:g} mm", path.cutter.radius_mm, path.cutter.length_mm));
+    report.line("cutting", fmt::format("{:.0f} mm, {:.0f} s in all", path.cutting_mm, path.time_s));
+    if (!path.moves.empty()) report.line("extent", listText(Vector3(high - low), "{:.4g}", " x ") + " mm");
+    for (const std::string& warning : path.warnings)
+        report.line("warning", warning);
+    return report;
+}
+
 template <class T>
 Result<Report> reportOrError(const Result<T>& read) {
     if (!read) return read.error();
@@ -245,6 +273,7 @@ const std::map<std::string, Reader>& readers() {
         {"fluorocut/corkscrew/1", [](const auto& file) { return reportOrError(readCorkscrew(file)); }},
         {"fluorocut/beads/1", [](const auto& file) { return reportOrError(readBeadLayout(file)); }},
         {"fluorocut/implant/1", infoOfImplant},
+        {"fluorocut/tool-path/1", [](const auto& file) { return reportOrError(readToolPath(file)); }},
         {"fluorocut/registration/1", [](const auto& file) { return reportOrError(readRegistration(file)); }},
         {"fluorocut/distortion/1", [](const auto& file) { return reportOrError(readDistortionMap(file)); }},
         {"fluorocut/distortion-set/1", [](const auto& file) { return reportOrError(readDistortionMapSet(file)); }},
