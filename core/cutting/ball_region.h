@@ -3,9 +3,9 @@
 //
 //     reach(p) = max { field(p + t d) : t >= 0, below the way's open end } + radius <= 0          d: spindle
 //
-// The field counts as running straight up from the cavity's top: that is the way through which the cutter comes
-// (`approach.h` makes the same of the cavity's mesh). Where the cavity widens toward the top and the spindle is +z, the
-// greatest value is the first, and nothing is sampled along the shank; that is found out, not assumed.
+// The field counts as running straight up from the cavity's top: that is the way through which the cutter comes (what
+// `openedUpward`, envelope_check.h, makes of the cavity's mesh). Where the cavity widens toward the top and the spindle
+// is +z, the greatest value is the first, and nothing is sampled along the shank; that is found out, not assumed.
 //
 // The border is followed on the trilinear field, or, near it, on the distance to the cavity's mesh where that is at
 // hand: the field cuts off edges and corners of the ball's places by up to a third of a voxel, and a cavity whose
