@@ -32,7 +32,7 @@ namespace fluorocut {
 
 struct TemplateOptions {
     double least_wall_mm = 2;
-    double most_reaming_mm = 1;
+    double most_reaming_mm = 1.5;
     double tolerance_mm = 0.05;  // of the excess: what walls and fields are true to
     int points = 1500;           // of the stem's surface, in the search
     double level_step_mm = 10;   // of the fill's table
@@ -42,9 +42,9 @@ struct TemplateOptions {
 
 // Where a stem is put in.
 struct StemSeat {
-    Vector3 point = Vector3::Zero();     // on the canal's axis, at the level of the resection
-    Vector3 axis = Vector3::UnitZ();     // unit, proximal
-    Vector3 medial = Vector3::UnitX();   // toward the head
+    Vector3 point = Vector3::Zero();    // on the canal's axis, at the level of the resection
+    Vector3 axis = Vector3::UnitZ();    // unit, proximal
+    Vector3 medial = Vector3::UnitX();  // toward the head
     Side side = Side::left;
 
     Rigid3 femurFromCavity(double resection_z_mm = 0) const;
@@ -60,7 +60,8 @@ struct FillLevel {
     double anteroPosterior() const { return stem_mm.y() / canal_mm.y(); }
 };
 
-// The thinnest wall beside the stem. Where the stem reaches into the cortex (`cut`) what it leaves, else the wall there.
+// The thinnest wall beside the stem. Where the stem reaches into the cortex (`cut`) what it leaves, else the wall
+// there.
 struct LeastWall {
     double thickness_mm = std::numeric_limits<double>::quiet_NaN();
     Vector3 place = Vector3::Zero();  // femur, on the stem's surface
@@ -84,8 +85,8 @@ struct TemplateProposal {
     std::vector<FillLevel> fill;
     LeastWall least_cut;   // where the stem cuts into the cortex; NaN: it does not, or the outer surface is not known
     LeastWall least_wall;  // anywhere beside the stem
-    std::string next_size_reason;    // why the next larger does not fit; empty: there is none
-    std::vector<SizeTrial> trials;   // from the largest tried to the one below the proposal
+    std::string next_size_reason;   // why the next larger does not fit; empty: there is none
+    std::vector<SizeTrial> trials;  // from the largest tried to the one below the proposal
     std::vector<std::string> warnings;
     double elapsed_ms = std::numeric_limits<double>::quiet_NaN();
 };
@@ -99,12 +100,12 @@ std::string_view name(WallSide side);
 
 struct DrawnWall {
     WallSide side = WallSide::medial;
-    bool outer = false;             // the bone's outer surface; otherwise the canal's wall
-    std::vector<Vector2> pixels;    // from proximal to distal
+    bool outer = false;           // the bone's outer surface; otherwise the canal's wall
+    std::vector<Vector2> pixels;  // from proximal to distal
 };
 struct CanalView {
     std::string name;
-    View view;  // imager_from_femur
+    View view;                     // imager_from_femur
     std::vector<DrawnWall> walls;  // both walls of the canal: medial and lateral, or anterior and posterior
 };
 

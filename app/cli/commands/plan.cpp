@@ -15,6 +15,7 @@ Command declarePlan(CLI::App& parent) {
     const std::vector<Command> kinds{
         declarePlanStages(*app),
         declarePlanPredict(*app),
+        declarePlanTemplate(*app),
     };
     app->footer("`fluorocut-cli plan stages --help` tells its options.");
     return {app, [kinds](Progress& progress) -> Result<Report> {

@@ -7,5 +7,6 @@ namespace fluorocut::cli {
 
 Command declarePlanStages(CLI::App& parent);
 Command declarePlanPredict(CLI::App& parent);
+Command declarePlanTemplate(CLI::App& parent);
 
 }  // namespace fluorocut::cli
