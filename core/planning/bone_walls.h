@@ -62,7 +62,7 @@ struct BoneWalls {
     Vector3 u = Vector3::UnitX(), v = Vector3::UnitY();  // across the axis; rays start at u and turn toward v
     std::vector<WallLevel> levels;                       // from distal to proximal
     TriangleMesh outer, canal;        // the contours joined, continued 40 mm beyond both ends; closed
-    Volume outer_field, canal_field;  // signed distances, negative inside; beyond 8 mm that
+    Volume outer_field, canal_field;  // signed distances, negative inside, cut off at kWallBandMm
     double cortical_hu = std::numeric_limits<double>::quiet_NaN();
     double blur_mm = std::numeric_limits<double>::quiet_NaN();
     double replaced = std::numeric_limits<double>::quiet_NaN();  // fraction of walls taken from their neighbours
