@@ -1,0 +1,122 @@
+#include "core/cavity/cavity_location.h"
+
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "core/base/option_checks.h"
+#include "core/base/units.h"
+#include "core/cavity/full_model.h"
+#include "core/geometry/mesh_properties.h"
+
+namespace fluorocut {
+namespace {
+
+constexpr const char* kStep = "cavity location";
+
+std::string axisInWords(const Vector3& axis_in_cavity) {
+    Eigen::Index which = 0;
+    axis_in_cavity.cwiseAbs().maxCoeff(&which);
+    return which == 2 ? "the cavity's axis" : which == 0 ? "its first cross axis (x)" : "its second cross axis (y)";
+}
+
+// What these views hardly tell: standard deviations beyond the limits, along which direction of the cavity.
+std::vector<std::string> weakDirections(const Pose& femur_from_cavity, const CavityLocationLimits& limits) {
+    std::vector<std::string> words;
+    const Matrix3 cavity_from_femur = femur_from_cavity.target_from_source.rotationMatrix().transpose();
+    const auto look = [&](const Matrix3& covariance, double limit, double scale, const char* what, const char* unit) {
+        const Eigen::SelfAdjointEigenSolver<Matrix3> eigen(covariance);
+        for (int i = 0; i < 3; ++i) {
+            const double sigma = std::sqrt(std::max(0.0, eigen.eigenvalues()[i]));
+            if (sigma <= limit) continue;
+            words.push_back(fmt::format("{} {} is known to {:.2g} {} only", what,
+                                        axisInWords(cavity_from_femur * eigen.eigenvectors().col(i)), scale * sigma,
+                                        unit));
+        }
+    };
+    const Matrix6& covariance = *femur_from_cavity.covariance;
+    look(covariance.topLeftCorner<3, 3>(), limits.most_sigma_mm, 1, "the place along", "mm");
+    look(covariance.bottomRightCorner<3, 3>(), limits.most_sigma_rad, degreesFromRadians(1.0), "the rotation about",
+         "degrees");
+    return words;
+}
+
+}  // namespace
+
+Result<void> ViewPoseUncertainty::validate() const {
+    return requireRanges({{"view_pose.in_plane_mm", in_plane_mm, 1e-4, 50, "mm"},
+                          {"view_pose.depth_mm", depth_mm, 1e-4, 100, "mm"},
+                          {"view_pose.rotation_rad", rotation_rad, 1e-6, 0.5, "rad"}});
+}
+
+Result<void> CavityLocationLimits::validate() const {
+    return requireRanges({{"limits.most_sigma_mm", most_sigma_mm, 0, 100, "mm"},
+                          {"limits.most_sigma_rad", most_sigma_rad, 0, 4, "rad"},
+                          {"limits.most_offset_mm", most_offset_mm, 0, 100, "mm"},
+                          {"limits.most_rotation_rad", most_rotation_rad, 0, 4, "rad"},
+                          {"limits.most_view_sigmas", most_view_sigmas, 0, 100, ""},
+                          {"limits.least_evidence", least_evidence, 0, 1, ""}});
+}
+
+Result<void> CavityLocationOptions::validate() const {
+    if (const Result<void> ok = view_pose.validate(); !ok) return ok;
+    if (const Result<void> ok = limits.validate(); !ok) return ok;
+    return requireRanges({{"mu_water_per_mm", mu_water_per_mm, 1e-4, 1, "/mm"}, {"blur_px", blur_px, 0, 5, "px"}});
+}
+
+Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const TriangleMesh& mesh,
+                                    const Rigid3& planned_femur_from_cavity, std::shared_ptr<const Volume> ct,
+                                    const CavityLocationOptions& options, Progress& progress) {
+    if (const Result<void> ok = options.validate(); !ok) return ok.error();
+    if (const Result<void> ok = requireSolid(mesh, "cavity"); !ok) return ok.error();
+    if (views.empty()) return invalidInput("views", "none", "at least one image after the cut");
+    if (!ct) return invalidInput("ct", "none", "the CT of this femur before the cut", "give a CT");
+    for (const CavityView& view : views) {
+        if (const Result<void> ok = view.carm.validate(); !ok) return ok.error();
+        if (view.after.width() != view.carm.columns || view.after.height() != view.carm.rows) {
+            return invalidInput(fmt::format("view {}, image", view.name),
+                                fmt::format("{} x {} pixels", view.after.width(), view.after.height()),
+                                fmt::format("the C-arm's {} x {}", view.carm.columns, view.carm.rows),
+                                "give the C-arm file that belongs to this image");
+        }
+        for (const float pixel : view.after.pixels()) {
+            if (!std::isfinite(pixel)) {
+                return invalidInput(fmt::format("view {}, image", view.name), "a pixel that is not a number",
+                                    "finite levels");
+            }
+        }
+    }
+    Result<CavityLocation> location =
+        cavity::locateByFullModel(views, mesh, planned_femur_from_cavity, std::move(ct), options, progress);
+    if (!location) return location;
+    if (!location->femur_from_cavity.covariance->allFinite()) {
+        return noSolution(kStep, "a fit without a finite covariance", "images that tell where the cavity is",
+                          "see that poses, cavity and images belong together");
+    }
+    const CavityLocationLimits& limits = options.limits;
+    location->weak_directions = weakDirections(location->femur_from_cavity, limits);
+    const Matrix6& covariance = *location->femur_from_cavity.covariance;
+    const auto worst = [](const Matrix3& part) {
+        return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3>(part).eigenvalues().maxCoeff());
+    };
+    double farthest_view = 0, least_evidence = 1;
+    for (const ViewResidual& view : location->views) {
+        farthest_view = std::max(farthest_view, view.pose_sigmas);
+        least_evidence = std::min(least_evidence, view.evidence);
+    }
+    const Rigid3 moved = planned_femur_from_cavity.inverse() * location->femur_from_cavity.target_from_source;
+    location->acceptance = {
+        atMost("standard deviation of the place", worst(covariance.topLeftCorner<3, 3>()), limits.most_sigma_mm, "mm"),
+        atMost("standard deviation of the rotation", degreesFromRadians(worst(covariance.bottomRightCorner<3, 3>())),
+               degreesFromRadians(limits.most_sigma_rad), "degrees"),
+        atMost("offset from the plan", moved.translation().norm(), limits.most_offset_mm, "mm"),
+        atMost("rotation from the plan", degreesFromRadians(moved.rotationAngle()),
+               degreesFromRadians(limits.most_rotation_rad), "degrees"),
+        atMost("correction of a view's pose, in its standard deviations", farthest_view, limits.most_view_sigmas, ""),
+        atLeast("share of a view's contrast that the cavity explains", least_evidence, limits.least_evidence, ""),
+        atLeast("fit converged", location->converged ? 1 : 0, 1, "")};
+    return location;
+}
+
+}  // namespace fluorocut
