@@ -129,12 +129,23 @@ Result<void> Supervisor::execute(const MotionRequest& request) {
     return started;
 }
 
-Result<void> Supervisor::resume(const MotionRequest& request) {
+std::vector<Refusal> Supervisor::refusalsToGoOn(const MotionRequest& request) const {
     std::vector<Refusal> reasons = refusals(request);
     if (request.motion && !(executed_ && executed_->sameAs(*request.motion)))
-        reasons.push_back({Kind::pathNotChecked, "This is not the motion that was paused."});
-    if (auto none = noneOf(reasons); !none) return none;
+        reasons.push_back({Kind::pathNotChecked, "This is not the motion that was begun."});
+    return reasons;
+}
+
+Result<void> Supervisor::resume(const MotionRequest& request) {
+    if (auto none = noneOf(refusalsToGoOn(request)); !none) return none;
     return robot_->resume();
+}
+
+std::vector<Refusal> Supervisor::watch(const MotionRequest& request) {
+    std::vector<Refusal> reasons = refusalsToGoOn(request);
+    const bool moving = robot_->state() == RobotState::executing;
+    if (reasons.empty() || !moving || robot_->hold()) robot_->heartbeat();
+    return reasons;
 }
 
 }  // namespace fluorocut

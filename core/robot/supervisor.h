@@ -8,7 +8,7 @@
 //                 confirmed is what the case says
 //
 // What takes motion away (hold, stop, disable) always passes. Going on after a pause asks everything again, of the same
-// motion.
+// motion; and so does `watch`, while it moves: a registration that becomes stale holds the robot.
 //
 // All reasons against a motion are given, each a sentence.
 #pragma once
@@ -98,6 +98,9 @@ class Supervisor {
     Result<void> execute(const MotionRequest& request);
     // The motion that was paused, and no other.
     Result<void> resume(const MotionRequest& request);
+    // While a motion is under way, with what holds now, at every heartbeat, which it sends: as soon as something speaks
+    // against the motion, or it is another one, the robot is held; if it cannot be told, its heartbeats end.
+    std::vector<Refusal> watch(const MotionRequest& request);
 
     Result<void> connect() { return robot_->connect(); }
     Result<void> disconnect() { return robot_->disconnect(); }
@@ -107,11 +110,13 @@ class Supervisor {
     Result<void> stop() { return robot_->stop(); }
     Result<void> acknowledgeFault() { return robot_->acknowledgeFault(); }
     Result<void> setBoneReference() { return robot_->setBoneReference(); }
-    void heartbeat() { robot_->heartbeat(); }
+    void heartbeat() { robot_->heartbeat(); }  // where nothing moves; otherwise `watch`
     std::vector<RobotFeedback> takeFeedback() { return robot_->takeFeedback(); }
     void advance(double seconds) { robot_->advance(seconds); }
 
   private:
+    std::vector<Refusal> refusalsToGoOn(const MotionRequest& request) const;
+
     std::unique_ptr<RobotAdaptor> robot_;
     SupervisorLimits limits_;
     std::optional<CheckedMotion> executed_;

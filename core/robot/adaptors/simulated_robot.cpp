@@ -37,6 +37,7 @@ Result<void> SimulatedRobotOptions::validate() const {
                            {"tremble_mm", tremble_mm, 0, 10, "mm"},
                            {"tremble_rad", tremble_rad, 0, 0.1, "rad"},
                            {"force_per_rate", force_per_rate, 0, 1000, "N per mm^3/s"},
+                           {"force_time_s", force_time_s, 0.001, 0.1, "s"},
                            {"most_force_n", most_force_n, 0, 10000, "N"},
                            {"most_bone_mm", most_bone_mm, 0.01, 10, "mm"},
                            {"most_bone_rad", most_bone_rad, 1e-4, 0.1, "rad"},
@@ -344,10 +345,11 @@ void SimulatedRobot::move() {
     tremble();
     const Rigid3 before = true_pose_;
     true_pose_ = believed().perturbed(calibrationErrorAt(commanded_.translation()));
-    force_n_ = 0;
     // At rest too: a bone may move into the cutter, and it trembles.
-    if (surroundings_) force_n_ = options_.force_per_rate * surroundings_(before, true_pose_) / options_.cycle_s;
-    if (!(force_n_ >= 0 && force_n_ <= options_.most_force_n)) {
+    const double removed_mm3 = surroundings_ ? surroundings_(before, true_pose_) : 0;
+    const double keep = std::exp(-options_.cycle_s / options_.force_time_s);
+    force_n_ = keep * force_n_ + (1 - keep) * options_.force_per_rate * removed_mm3 / options_.cycle_s;
+    if (!(removed_mm3 >= 0 && force_n_ <= options_.most_force_n)) {
         fail(fmt::format("force on the cutter of {:.0f} N, limit {:.0f} N", force_n_, options_.most_force_n));
         return;
     }

@@ -14,7 +14,8 @@
 // Motion: trapezoids of speed (motion_profile.h); holding brakes along the path with the same acceleration. Disabling
 // and faults put the brakes on at once.
 //
-// Force: `force_per_rate` times what the cutter removes in unit time (bite x feed). What it removes it asks of its
+// Force: `force_per_rate` times what the cutter removes in unit time (bite x feed), through a first-order filter of
+// `force_time_s`, as sensors have and as material that comes in voxels needs. What it removes it asks of its
 // surroundings, which never learn what the robot believes, only where the cutter truly goes. More than `most_force_n`
 // is a fault.
 //
@@ -54,6 +55,7 @@ struct SimulatedRobotOptions {
     double tremble_mm = 0.012, tremble_rad = 1.05e-4;
 
     double force_per_rate = 0.5;  // N per mm^3/s
+    double force_time_s = 0.02;
     double most_force_n = 80;
 
     double most_bone_mm = 0.3, most_bone_rad = 0.0035;
@@ -68,7 +70,7 @@ struct SimulatedRobotOptions {
 using RobotSurroundings =
     std::function<double(const Rigid3& robot_from_cutter_before, const Rigid3& robot_from_cutter)>;
 
-class SimulatedRobot final : public RobotAdaptor {
+class SimulatedRobot : public RobotAdaptor {
   public:
     // Options that are not valid throw std::logic_error. No surroundings: air.
     explicit SimulatedRobot(const SimulatedRobotOptions& options = {}, RobotSurroundings surroundings = {});

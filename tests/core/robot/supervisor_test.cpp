@@ -186,10 +186,64 @@ TEST_F(SupervisedRobot, GoingOnAsksEverythingAgainOfTheSameMotion) {
     EXPECT_FALSE(supervisor_->resume(stale));
     EXPECT_FALSE(supervisor_->resume({}));
     MotionRequest other = goodRequest();  // the same steps, checked anew
-    EXPECT_EQ(supervisor_->resume(other).error().advice, "This is not the motion that was paused.");
+    EXPECT_EQ(supervisor_->resume(other).error().advice, "This is not the motion that was begun.");
     EXPECT_EQ(robot_->trueState(), RobotState::paused);
     EXPECT_TRUE(supervisor_->resume(request));
     EXPECT_EQ(robot_->trueState(), RobotState::executing);
+}
+
+TEST_F(SupervisedRobot, WhatTurnsUpDuringAMotionHoldsIt) {
+    for (const Fault& fault : faults()) {
+        MotionRequest request = goodRequest();
+        const double x = robot_->trueRobotFromCutter().translation().x();
+        request.motion = motionThrough({Vector3(x, 0, 0), Vector3(x < 100 ? x + 20 : x - 20, 0, 0)}, 20);
+        ASSERT_TRUE(supervisor_->execute(request));
+        for (int i = 0; i < 10; ++i) {
+            supervisor_->advance(0.01);
+            EXPECT_TRUE(supervisor_->watch(request).empty());
+        }
+        EXPECT_GT(robot_->trueSpeed(), 0);
+        fault.make(request);
+        EXPECT_FALSE(supervisor_->watch(request).empty());
+        EXPECT_EQ(robot_->trueState(), RobotState::paused);
+        for (int i = 0; i < 3; ++i) {
+            supervisor_->advance(0.01);
+            supervisor_->watch(request);  // the client lives, and that does not set it going
+        }
+        EXPECT_EQ(robot_->trueState(), RobotState::paused);
+        EXPECT_EQ(robot_->trueSpeed(), 0);
+        EXPECT_EQ(supervisor_->takeFeedback().back().reason, "held by command");
+        ASSERT_TRUE(supervisor_->stop());
+    }
+}
+
+// Hears heartbeats but takes no command to hold.
+class DeafRobot : public SimulatedRobot {
+  public:
+    Result<void> hold() override { return noSolution("robot, hold", "no answer", "one"); }
+};
+
+TEST(Supervisor, ARobotThatCannotBeToldToHoldGetsNoMoreHeartbeats) {
+    auto deaf = std::make_unique<DeafRobot>();
+    DeafRobot& robot = *deaf;
+    Supervisor supervisor(std::move(deaf));
+    ASSERT_TRUE(supervisor.connect());
+    ASSERT_TRUE(supervisor.enable());
+    supervisor.heartbeat();
+    MotionRequest request = goodRequest();
+    ASSERT_TRUE(supervisor.execute(request));
+    for (int i = 0; i < 10; ++i) {
+        supervisor.advance(0.01);
+        supervisor.watch(request);
+    }
+    EXPECT_GT(robot.trueSpeed(), 0);
+    request.registration.fresh = false;
+    for (int i = 0; i < 5; ++i) {
+        EXPECT_EQ(supervisor.watch(request).size(), 1U);
+        supervisor.advance(0.01);
+    }
+    EXPECT_EQ(robot.trueState(), RobotState::paused);  // by its own watchdog
+    EXPECT_EQ(robot.trueSpeed(), 0);
 }
 
 TEST_F(SupervisedRobot, TheRobotsOwnRefusalComesThrough) {
