@@ -83,6 +83,39 @@ TEST(SimulatedRobot, HeldItComesToRestInTheBrakingDistance) {
     EXPECT_NEAR(placeOf(robot), 100, 1e-9);
 }
 
+TEST(SimulatedRobot, DisabledItStandsAtOnce) {
+    SimulatedRobot robot(exact());
+    makeMoving(robot);
+    const double there = placeOf(robot);
+    ASSERT_TRUE(robot.disable());
+    EXPECT_EQ(robot.trueSpeed(), 0);
+    live(robot, 0.1);
+    EXPECT_EQ(placeOf(robot), there);
+}
+
+TEST(SimulatedRobot, StoppedItTakesTheNextMotionWhenAtRest) {
+    SimulatedRobot robot(exact());
+    makeMoving(robot);
+    ASSERT_TRUE(robot.stop());
+    const auto back = [&] { return motionThrough({Vector3(placeOf(robot), 0, 0), Vector3(0, 0, 0)}, 20); };
+    const auto early = robot.execute(back());
+    ASSERT_FALSE(early);
+    EXPECT_EQ(early.error().found, "a cutter still coming to rest");
+    live(robot, 0.02);  // 20 / 3000 s of braking
+    EXPECT_TRUE(robot.execute(back()));
+}
+
+TEST(SimulatedRobot, HeartbeatsOfAnEarlierConnectionDoNotCount) {
+    SimulatedRobot robot(exact());
+    makeReady(robot);
+    ASSERT_TRUE(robot.disconnect());
+    ASSERT_TRUE(robot.connect());
+    ASSERT_TRUE(robot.enable());
+    EXPECT_EQ(robot.execute(along()).error().found, "no heartbeat yet");
+    robot.heartbeat();
+    EXPECT_TRUE(robot.execute(along()));
+}
+
 TEST(SimulatedRobot, ItsErrorIs20MicrometresAndAHundredthOfADegree) {
     const int count = 4000;
     double square_mm = 0, square_rad = 0;
@@ -349,6 +382,11 @@ TEST(SimulatedRobot, KeepsToItsWorkspaceAndFeeds) {
     const auto gap = robot.execute(motionThrough({Vector3(0, 0, 1.1), Vector3(0, 0, 40)}, 20));
     ASSERT_FALSE(gap);
     EXPECT_EQ(gap.error().where, "robot, execute");
+    const auto turned = robot.execute(
+        tryMotion({{Rigid3::fromRotationVector({0.02, 0, 0}), 20}, {Rigid3::fromRotationVector({0.1, 0, 0}), 20}})
+            .value());
+    ASSERT_FALSE(turned);
+    EXPECT_EQ(turned.error().found, "a first pose 0.00 mm and 1.15 degrees from the cutter's");
     EXPECT_EQ(robot.state(), RobotState::enabled);
     EXPECT_TRUE(robot.execute(motionThrough({Vector3(0, 0, 0), Vector3(0, 0, 50)}, 30)));
 }

@@ -91,6 +91,15 @@ TEST(Supervisor, EachReasonAloneIsFoundAlone) {
     }
 }
 
+TEST(Supervisor, NamesThatAreEmptyDoNotAgree) {
+    MotionRequest request = goodRequest();
+    request.registration.id.clear();
+    request.time_out.stage = {"", ""};
+    request.motion = motionThrough({Vector3(0, 0, 0), Vector3(20, 0, 0)}, 20, "", "");
+    EXPECT_EQ(kinds(request), (std::set<Kind>{Kind::registrationNotAccepted, Kind::pathOfOtherRegistration,
+                                              Kind::pathOfOtherStage, Kind::timeOutStage}));
+}
+
 TEST(Supervisor, EveryTwoReasonsAreBothFound) {
     for (const Fault& one : faults()) {
         for (const Fault& other : faults()) {
