@@ -87,9 +87,21 @@ Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const 
             }
         }
     }
-    Result<CavityLocation> location =
-        cavity::locateByFullModel(views, mesh, planned_femur_from_cavity, std::move(ct), options, progress);
+    // About the cavity's middle, where a view's pose error is what its standard deviations say, wherever the CT's
+    // origin lies.
+    const Vector3 middle = planned_femur_from_cavity * meshProperties(mesh).centroid;
+    const Rigid3 here_from_femur = Rigid3::fromTranslation(-middle), femur_from_here = here_from_femur.inverse();
+    VolumeGrid grid = ct->grid();
+    grid.origin_mm -= middle;
+    const auto moved_ct = std::make_shared<const Volume>(grid, ct->voxels());
+    std::vector<CavityView> moved_views = views;
+    for (CavityView& view : moved_views)
+        view.after_imager_from_femur = view.after_imager_from_femur * femur_from_here;
+    Result<CavityLocation> location = cavity::locateByFullModel(
+        moved_views, mesh, here_from_femur * planned_femur_from_cavity, moved_ct, options, progress);
     if (!location) return location;
+    // A shift of the frame leaves the covariance as it is.
+    location->femur_from_cavity.target_from_source = femur_from_here * location->femur_from_cavity.target_from_source;
     if (!location->femur_from_cavity.covariance->allFinite()) {
         return noSolution(kStep, "a fit without a finite covariance", "images that tell where the cavity is",
                           "see that poses, cavity and images belong together");
@@ -105,13 +117,13 @@ Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const 
         farthest_view = std::max(farthest_view, view.pose_sigmas);
         least_evidence = std::min(least_evidence, view.evidence);
     }
-    const Rigid3 moved = planned_femur_from_cavity.inverse() * location->femur_from_cavity.target_from_source;
+    const Rigid3 off = planned_femur_from_cavity.inverse() * location->femur_from_cavity.target_from_source;
     location->acceptance = {
         atMost("standard deviation of the place", worst(covariance.topLeftCorner<3, 3>()), limits.most_sigma_mm, "mm"),
         atMost("standard deviation of the rotation", degreesFromRadians(worst(covariance.bottomRightCorner<3, 3>())),
                degreesFromRadians(limits.most_sigma_rad), "degrees"),
-        atMost("offset from the plan", moved.translation().norm(), limits.most_offset_mm, "mm"),
-        atMost("rotation from the plan", degreesFromRadians(moved.rotationAngle()),
+        atMost("offset from the plan", off.translation().norm(), limits.most_offset_mm, "mm"),
+        atMost("rotation from the plan", degreesFromRadians(off.rotationAngle()),
                degreesFromRadians(limits.most_rotation_rad), "degrees"),
         atMost("correction of a view's pose, in its standard deviations", farthest_view, limits.most_view_sigmas, ""),
         atLeast("share of a view's contrast that the cavity explains", least_evidence, limits.least_evidence, ""),

@@ -40,11 +40,12 @@ struct CavityView {
     Rigid3 after_imager_from_femur;
 };
 
-// Standard deviations of a view's pose as it is given (of the view alone, not of what all share).
+// Standard deviations of a view's pose as it is given, at the cavity: where the femur is seen in the image corrects the
+// pose, so that generous values cost little.
 struct ViewPoseUncertainty {
-    double in_plane_mm = 0.1;
-    double depth_mm = 0.5;
-    double rotation_rad = 0.0017;  // 0.1 degrees, about each axis
+    double in_plane_mm = 0.5;
+    double depth_mm = 1.0;
+    double rotation_rad = 0.0035;  // 0.2 degrees, about each axis
 
     Result<void> validate() const;
 };
@@ -71,8 +72,8 @@ struct CavityLocationOptions {
 
 struct ViewResidual {
     std::string name;
-    double rms_log = std::numeric_limits<double>::quiet_NaN();      // of the logarithm of the levels, robust
-    Vector6 pose_correction = Vector6::Zero();                      // of after_imager_from_femur (Rigid3::perturbed)
+    double rms_log = std::numeric_limits<double>::quiet_NaN();  // of the logarithm of the levels, robust
+    Vector6 pose_correction = Vector6::Zero();  // as Rigid3::perturbed has it, about the cavity's middle
     double pose_sigmas = std::numeric_limits<double>::quiet_NaN();  // the largest part of it, in standard deviations
     // Share of the contrast which the cavity was expected to make that the image shows: 0 where the image knows nothing
     // of it, about 1 where it is there.

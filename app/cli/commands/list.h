@@ -18,13 +18,14 @@ Command declareCoregister(CLI::App& parent);
 Command declareRegister(CLI::App& parent);
 Command declareImplant(CLI::App& parent);
 Command declarePlan(CLI::App& parent);
+Command declareLocateCavity(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 13> kCommands{
-    declareDrr,       declarePhantom,     declareCutVolume, declareDewarp,  declareCalibrate,
-    declareCorkscrew, declareCoregister,  declareRegister,  declareImplant, declarePlan,
-    declareFabricate, declarePaperTables, declareInfo};
+inline constexpr std::array<Declare, 14> kCommands{
+    declareDrr,          declarePhantom,    declareCutVolume,   declareDewarp,  declareCalibrate,
+    declareCorkscrew,    declareCoregister, declareRegister,    declareImplant, declarePlan,
+    declareLocateCavity, declareFabricate,  declarePaperTables, declareInfo};
 
 }  // namespace fluorocut::cli
