@@ -21,11 +21,12 @@ Command declarePlan(CLI::App& parent);
 Command declareLocateCavity(CLI::App& parent);
 Command declareFabricate(CLI::App& parent);
 Command declarePaperTables(CLI::App& parent);
+Command declareCase(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 14> kCommands{
+inline constexpr std::array<Declare, 15> kCommands{
     declareDrr,          declarePhantom,    declareCutVolume,   declareDewarp,  declareCalibrate,
     declareCorkscrew,    declareCoregister, declareRegister,    declareImplant, declarePlan,
-    declareLocateCavity, declareFabricate,  declarePaperTables, declareInfo};
+    declareLocateCavity, declareFabricate,  declarePaperTables, declareCase,    declareInfo};
 
 }  // namespace fluorocut::cli
