@@ -47,6 +47,9 @@ struct ViewPoseUncertainty {
     double depth_mm = 1.0;
     double rotation_rad = 0.0035;  // 0.2 degrees, about each axis
 
+    // Of one of (tx ty tz rx ry rz), as Rigid3::perturbed has them.
+    double sigma(int j) const { return j < 2 ? in_plane_mm : j == 2 ? depth_mm : rotation_rad; }
+
     Result<void> validate() const;
 };
 

@@ -106,7 +106,8 @@ class Fit {
             const int most = level == 0 ? 12 + kSettle : 12;
             for (int iteration = 0; iteration < most; ++iteration) {
                 if (progress.isCancelled()) return cancelled(kStep);
-                progress.report((static_cast<double>(level) + 0.1 * iteration) / 3, "locating the cavity");
+                progress.report((static_cast<double>(level) + static_cast<double>(iteration) / most) / kBinning.size(),
+                                "locating the cavity");
                 // Bone's derivatives anew at the first look and once the poses have moved.
                 const bool robust = level > 0 || iteration >= 3;
                 const bool settle = level == 0 && iteration < kSettle;
@@ -144,8 +145,7 @@ class Fit {
         const ViewPoseUncertainty& known = options_.view_pose;
         of.pose_sigmas = 0;
         for (int j = 0; j < 6; ++j) {
-            const double sigma = j < 2 ? known.in_plane_mm : j == 2 ? known.depth_mm : known.rotation_rad;
-            of.pose_sigmas = std::max(of.pose_sigmas, std::abs(view.delta[j]) / sigma);
+            of.pose_sigmas = std::max(of.pose_sigmas, std::abs(view.delta[j]) / known.sigma(j));
         }
         of.evidence = evidenceOf(view);
         return of;
@@ -174,9 +174,7 @@ class Fit {
     }
 
     void freezeBone(View& view) {
-        ProjectionOptions options;
-        options.main_axis = view.axis;
-        ProjectionWithGradient projection = bone_->projectWithGradient(view.carm, view.pose(), options);
+        ProjectionWithGradient projection = bone_->projectWithGradient(view.carm, view.pose(), axisOf(view));
         view.bone = std::move(projection.image);
         view.bone_by_pose = std::move(projection.gradient);
         view.frozen_at = view.delta;
@@ -218,7 +216,7 @@ class Fit {
             accumulate(view, 6 + kOfView * static_cast<Eigen::Index>(v), settle ? kSettledSlope : kPedestalSlope,
                        normal, right);
         }
-        // A step after which the images fit much worse went beyond what its derivatives know: half of it, again.
+        // A step after which the images fit much worse went beyond what its derivatives know: a part of it, again.
         double misfit = 0, pixels = 0;
         for (const View& view : views_) {
             const auto count = static_cast<double>(view.residual.size());
@@ -247,7 +245,7 @@ class Fit {
                               "see that poses, cavity and images belong together");
         }
         change_ = change;
-        Vector6 move = change.head<6>();
+        const Vector6 move = change.head<6>();
         // Not farther at once than the linear model holds.
         const double far = std::max(move.head<3>().norm() / 1.5, move.tail<3>().norm() / 0.04);
         before_.clear();
@@ -461,7 +459,7 @@ class Fit {
         // What is known beforehand.
         const ViewPoseUncertainty& known = options_.view_pose;
         for (int j = 0; j < 6; ++j) {
-            const double sigma = j < 2 ? known.in_plane_mm : j == 2 ? known.depth_mm : known.rotation_rad;
+            const double sigma = known.sigma(j);
             normal(at + j, at + j) += 1 / (sigma * sigma);
             right[at + j] -= view.delta[j] / (sigma * sigma);
         }
@@ -511,7 +509,7 @@ class Fit {
             meat.block(at, at, kOfView, kOfView) += own.block(6, 6, kOfView, kOfView);
             const ViewPoseUncertainty& known = options_.view_pose;
             for (int j = 0; j < 6; ++j) {
-                const double sigma = j < 2 ? known.in_plane_mm : j == 2 ? known.depth_mm : known.rotation_rad;
+                const double sigma = known.sigma(j);
                 meat(at + j, at + j) += 1 / (sigma * sigma);
             }
             meat(at + kRatio, at + kRatio) += 1 / (kRatioSigma * kRatioSigma);
