@@ -27,9 +27,7 @@ std::optional<Section> sectionOf(const HalfEdgeMesh& mesh, const Plane& plane, c
         Section section;
         Vector2 low = Vector2::Constant(std::numeric_limits<double>::infinity()), high = -low;
         for (std::size_t i = 0; i < polygon.size(); ++i) {
-            const auto flat = [&](const Vector3& p) {
-                return Vector2(x.dot(p - plane.point), y.dot(p - plane.point));
-            };
+            const auto flat = [&](const Vector3& p) { return Vector2(x.dot(p - plane.point), y.dot(p - plane.point)); };
             const Vector2 a = flat(polygon[i]), b = flat(polygon[(i + 1) % polygon.size()]);
             section.area += 0.5 * (a.x() * b.y() - a.y() * b.x());
             low = low.cwiseMin(a);

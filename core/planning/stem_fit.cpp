@@ -32,9 +32,7 @@ struct Problem {
         return std::atan2(normal.dot(a_flat.cross(b_flat)), a_flat.dot(b_flat));
     }
 
-    double value(const Rigid3& pose, double sharpness) const {
-        return soft(pose, sharpness, nullptr, nullptr);
-    }
+    double value(const Rigid3& pose, double sharpness) const { return soft(pose, sharpness, nullptr, nullptr); }
 
     double soft(const Rigid3& pose, double sharpness, Vector5* gradient, Matrix5* hessian) const {
         std::vector<double> e(points.size());

@@ -33,7 +33,7 @@ struct StemFit {
 
 struct StemFitOptions {
     double version_weight = 0.5;  // mm per rad^2: 15 degrees cost 0.02 mm
-    double most_turn_rad = 0.6;  // of version from the start
+    double most_turn_rad = 0.6;   // of version from the start
 };
 
 // Throws std::logic_error for no points.

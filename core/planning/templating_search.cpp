@@ -80,7 +80,7 @@ std::vector<Vector3> stemSurface(const Implant& implant, std::size_t most) {
 std::string sideOf(const Vector3& p, Side side) {
     const double anterior = side == Side::left ? p.y() : -p.y();
     const double angle = std::atan2(anterior, p.x());  // from medial toward anterior
-    static constexpr std::array<const char*, 8> kNames{"medial",  "antero-medial",    "anterior",  "antero-lateral",
+    static constexpr std::array<const char*, 8> kNames{"medial",  "antero-medial",   "anterior",  "antero-lateral",
                                                        "lateral", "postero-lateral", "posterior", "postero-medial"};
     const long octant = std::lround(angle / (0.25 * 3.14159265358979323846));
     return kNames[static_cast<std::size_t>((octant + 8) % 8)];
@@ -123,8 +123,7 @@ Result<TemplateProposal> searchSizes(const std::vector<Implant>& sizes, const St
         return noSolution("stem " + sizes.front().family, proposal.trials.back().reason,
                           fmt::format("one of {} sizes that fits", sizes.size()),
                           "take another family, a lower wall limit or another level of resection");
-    proposal.elapsed_ms =
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count();
+    proposal.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count();
     return proposal;
 }
 

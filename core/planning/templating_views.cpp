@@ -31,14 +31,15 @@ class WallLine {
         if (side < 0) std::reverse(places_.begin(), places_.end());
         reversed_ = side < 0;
         const std::size_t n = places_.size();
-        const Vector2 first = (places_[0] - places_[1]).normalized(), last = (places_[n - 1] - places_[n - 2]).normalized();
+        const Vector2 first = (places_[0] - places_[1]).normalized(),
+                      last = (places_[n - 1] - places_[n - 2]).normalized();
         places_.insert(places_.begin(), places_.front() + 500 * first);
         places_.push_back(places_.back() + 500 * last);
     }
 
     struct Nearest {
-        double beyond;    // signed distance, positive away from the canal
-        Vector2 slope;    // its gradient
+        double beyond;  // signed distance, positive away from the canal
+        Vector2 slope;  // its gradient
     };
     Nearest nearest(const Vector2& p) const {
         double least = std::numeric_limits<double>::infinity();
@@ -245,9 +246,10 @@ Result<Axis> canalAxis(const std::vector<PreparedView>& views) {
         right += n * n.dot(sourceOf(view));
     }
     if (widest < std::sin(kLeastCrossingRad))
-        return invalidInput("views", fmt::format("planes through the canal only {:.0f} degrees apart",
-                                                 degreesFromRadians(std::asin(widest))),
-                            "views at least 20 degrees apart about the shaft");
+        return invalidInput(
+            "views",
+            fmt::format("planes through the canal only {:.0f} degrees apart", degreesFromRadians(std::asin(widest))),
+            "views at least 20 degrees apart about the shaft");
     const Eigen::SelfAdjointEigenSolver<Matrix3> eigen(normals);
     Axis axis{Vector3::Zero(), eigen.eigenvectors().col(0)};
     // Nearest to all planes; along the axis anywhere: nearest to the first source.
@@ -355,8 +357,8 @@ Result<TemplateProposal> proposeStem(const std::vector<Implant>& sizes, const st
             const double scale = depthScale(view, middle);
             const Vector3 q = view.drawn->view.imager_from_world * middle;
             const Vector2 at = q.head<2>() / scale;
-            const double canal = -scale * (view.flanks[0].canal.nearest(at).beyond +
-                                           view.flanks[1].canal.nearest(at).beyond);
+            const double canal =
+                -scale * (view.flanks[0].canal.nearest(at).beyond + view.flanks[1].canal.nearest(at).beyond);
             level.stem_mm[view.medio_lateral ? 0 : 1] = high - low;
             level.canal_mm[view.medio_lateral ? 0 : 1] = canal;
         }

@@ -7,8 +7,8 @@
 #include <gmock/gmock.h>
 
 #include "core/fabrication/plate_drawing.h"
-#include "core/geometry/polygon.h"
 #include "core/geometry/mesh_properties.h"
+#include "core/geometry/polygon.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
