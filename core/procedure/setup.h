@@ -1,0 +1,77 @@
+// What a procedure is begun with: the patient, the plan, what calibration has found, and the equipment it works with.
+// It holds no truth: whoever builds it from a simulation may put in only what surgeon and technician would know.
+//
+// Frames as in core/geometry/frames.h; mm, rad.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/result.h"
+#include "core/cutting/tool_path.h"
+#include "core/fiducial/bead_layout.h"
+#include "core/fiducial/corkscrew_layout.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/image/volume.h"
+#include "core/imaging/carm.h"
+#include "core/imaging/carm_position.h"
+#include "core/imaging/image_source.h"
+#include "core/planning/cavity.h"
+#include "core/robot/supervisor.h"
+
+namespace fluorocut {
+
+// One of the directions that pictures are taken from, before the first cut and after every cut.
+struct ProcedureView {
+    std::string name;  // "ap"
+    CArmPosition position;
+    CArm carm;  // as calibrated there: focal length, image centre, distortion map
+};
+
+struct ProcedurePatient {
+    std::string name, side;            // as they are confirmed in the time-out: "left", "right"
+    std::shared_ptr<const Volume> ct;  // Hounsfield units, before any cut; null: none was made
+    double mu_water_per_mm = 0.02;     // that they stand for
+    BeadLayout beads;                  // in the bone, frame `femur`
+};
+
+struct ProcedurePlan {
+    std::string implant;  // its name
+    TriangleMesh mesh;    // its stem, or any solid to be milled; frame `cavity`
+    Rigid3 femur_from_cavity;
+    CavityOptions cavity;
+    ToolPathOptions path;
+    int stages = 3;
+    // Of each stage, falling to 0; empty: worked out from the registration's uncertainty (containedInset, stageInsets).
+    std::vector<double> insets_mm;
+};
+
+// Errors of calibration are given as standard deviations or with the pose.
+struct ProcedureCalibration {
+    CorkscrewLayout corkscrew;
+    Pose flange_from_corkscrew;  // with covariance
+    Rigid3 flange_from_cutter;
+    double focal_length_sigma_mm = 0.3;
+    double local_distortion_mm = 0.01;  // that maps leave, rms, in the detector's plane
+    std::string calibrated_utc;         // core/base/utc: when
+};
+
+struct ProcedureSetup {
+    ProcedurePatient patient;
+    ProcedurePlan plan;
+    ProcedureCalibration calibration;
+    std::vector<ProcedureView> views;
+
+    // Names the field, the value and the limit.
+    Result<void> validate() const;
+};
+
+// What acts and sees. Both outlive the procedure.
+struct ProcedureEquipment {
+    ImageSource* images = nullptr;
+    Supervisor* robot = nullptr;
+};
+
+}  // namespace fluorocut
