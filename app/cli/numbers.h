@@ -5,24 +5,10 @@
 
 #include <Eigen/Core>
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
+
+#include "core/io/json_values.h"
 
 namespace fluorocut::cli {
-
-template <class Vector>
-nlohmann::ordered_json arrayOf(const Vector& vector) {
-    nlohmann::ordered_json array = nlohmann::ordered_json::array();
-    for (Eigen::Index i = 0; i < vector.size(); ++i)
-        array.push_back(vector[i]);
-    return array;
-}
-
-inline nlohmann::ordered_json rowsOf(const Eigen::MatrixXd& matrix) {
-    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (Eigen::Index r = 0; r < matrix.rows(); ++r)
-        rows.push_back(arrayOf(matrix.row(r)));
-    return rows;
-}
 
 template <class Vector>
 std::string listText(const Vector& vector, const char* format = "{:.5g}", const char* separator = ", ") {

@@ -280,6 +280,7 @@ class MapDistortion final : public Distortion {
         for (Vector2& point : undistorted_mm)
             point -= principal_mm_;
     }
+    const DistortionMap& map() const { return map_; }
 
   private:
     DistortionMap map_;
@@ -301,6 +302,11 @@ Result<std::shared_ptr<const Distortion>> distortionOf(const DistortionMap& map,
         }
     }
     return std::shared_ptr<const Distortion>(std::make_shared<MapDistortion>(map, carm));
+}
+
+const DistortionMap* mapOf(const Distortion& distortion) {
+    const auto* of_map = dynamic_cast<const MapDistortion*>(&distortion);
+    return of_map ? &of_map->map() : nullptr;
 }
 
 DistortionReaders distortionReaders() {

@@ -155,6 +155,9 @@ Result<void> writeDistortionMap(const std::filesystem::path& path, const Distort
 // c. invalidInput when the sizes differ or the C-arm's pixel is more than 10 % off the map's.
 Result<std::shared_ptr<const Distortion>> distortionOf(const DistortionMap& map, const CArm& carm);
 
+// The map behind a distortion that distortionOf made; null for any other.
+const DistortionMap* mapOf(const Distortion& distortion);
+
 // For readCArm.
 DistortionReaders distortionReaders();
 

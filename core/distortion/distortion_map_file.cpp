@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/units.h"
+#include "core/base/utc.h"
 #include "core/distortion/distortion_map.h"
-#include "core/distortion/utc_time.h"
 #include "core/io/atomic_file.h"
 
 namespace fluorocut {

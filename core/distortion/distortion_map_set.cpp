@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/option_checks.h"
+#include "core/base/utc.h"
 #include "core/distortion/models/table_model.h"
-#include "core/distortion/utc_time.h"
 #include "core/io/atomic_file.h"
 
 namespace fluorocut {

@@ -53,9 +53,30 @@ struct ProcedureCalibration {
     CorkscrewLayout corkscrew;
     Pose flange_from_corkscrew;  // with covariance
     Rigid3 flange_from_cutter;
-    double focal_length_sigma_mm = 0.3;
+    double focal_length_sigma_mm = 0.3;  // common to all views
+    double image_centre_sigma_px = 1;
+    double bead_sigma_mm = 0.05;        // where each bead lies in the femur, per axis
+    double corkscrew_sigma_mm = 0.02;   // each of its dimensions
     double local_distortion_mm = 0.01;  // that maps leave, rms, in the detector's plane
-    std::string calibrated_utc;         // core/base/utc: when
+    // Of the robot: where the cutter goes against where it was sent, root mean square of the error's length. The part
+    // of it that repeats is corrected along with the registration; it is counted as if it did not.
+    double robot_sigma_mm = 0.02;
+    double robot_sigma_rad = 1.75e-4;  // 0.01 degrees
+    // What all locations of the cavity have in common, beyond their covariances: errors of the CT, of the views'
+    // calibration. Per axis. More measurements do not make it less.
+    double location_sigma_mm = 0.02;
+    double location_sigma_rad = 3.5e-4;
+    std::string calibrated_utc;  // when (core/base/utc.h)
+};
+
+// By which the procedure doubts.
+struct ProcedureLimits {
+    double contained_probability = 0.99;  // that a stage stays inside the final cavity, where insets are worked out
+    double envelope_delta_mm = 0.75;      // by which the final cavity may lie beside its place
+    double least_probability = 1e-3;      // of an offset as large or larger, by what the covariances say
+    double most_view_turn_rad = 0.26;     // of a view, from where its C-arm's scales say that it looks
+    // Names the field, the value and the limit.
+    Result<void> validate() const;
 };
 
 struct ProcedureSetup {
@@ -63,10 +84,14 @@ struct ProcedureSetup {
     ProcedurePlan plan;
     ProcedureCalibration calibration;
     std::vector<ProcedureView> views;
+    ProcedureLimits limits;
 
     // Names the field, the value and the limit.
     Result<void> validate() const;
 };
+
+// Insets of stages, that fall to 0; the sentence names the place.
+Result<void> checkInsets(const char* field, const std::vector<double>& insets_mm);
 
 // What acts and sees. Both outlive the procedure.
 struct ProcedureEquipment {

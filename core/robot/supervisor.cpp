@@ -1,5 +1,6 @@
 #include "core/robot/supervisor.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -12,8 +13,8 @@ namespace {
 
 using Kind = RefusalKind;
 
-void addRegistration(const RegistrationStanding& registration, const SupervisorLimits& limits,
-                     std::vector<Refusal>& reasons) {
+void addRegistration(const MotionRequest& request, const SupervisorLimits& limits, std::vector<Refusal>& reasons) {
+    const RegistrationStanding& registration = request.registration;
     if (registration.id.empty() || registration.accepted_by.empty())
         reasons.push_back({Kind::registrationNotAccepted, "Nobody has accepted the registration."});
     if (!registration.fresh || !registration.stale_because.empty()) {
@@ -28,12 +29,13 @@ void addRegistration(const RegistrationStanding& registration, const SupervisorL
                                                               age, limits.most_registration_age_s)});
     }
     // A bound of zero was never worked out: no registration is exact.
-    const double bound = registration.error_bound_mm;
-    if (!(bound > 0 && bound <= limits.envelope_delta_mm)) {
-        reasons.push_back({Kind::registrationUncertain,
-                           fmt::format("The registration's error bound for the next cavity is {:.2f} mm, not more than "
-                                       "0 and at most the envelope's {:.2f} mm.",
-                                       bound, limits.envelope_delta_mm)});
+    const double bound = registration.error_bound_mm, room = roomOf(request, limits);
+    if (!(bound > 0 && bound <= room)) {
+        reasons.push_back(
+            {Kind::registrationUncertain,
+             fmt::format("The registration's error bound for the next cavity is {:.2f} mm, not more than "
+                         "0 and at most the {:.2f} mm of room {}.",
+                         bound, room, request.inset_mm > 0 ? "inside the final cavity" : "that its envelope has")});
     }
 }
 
@@ -100,14 +102,21 @@ Result<void> noneOf(const std::vector<Refusal>& reasons) {
 
 Result<void> SupervisorLimits::validate() const {
     return requireRanges({{"envelope_delta_mm", envelope_delta_mm, 0.5, 1.0, "mm"},
+                          {"most_inset_mm", most_inset_mm, 0.5, 10, "mm"},
                           {"most_registration_age_s", most_registration_age_s, 1, 4 * 3600, "s"},
                           {"most_calibration_age_s", most_calibration_age_s, 1, 7 * 24 * 3600, "s"}});
+}
+
+double roomOf(const MotionRequest& request, const SupervisorLimits& limits) {
+    if (request.inset_mm == 0) return limits.envelope_delta_mm;
+    if (request.inset_mm > 0) return std::min(request.inset_mm, limits.most_inset_mm);
+    return std::numeric_limits<double>::quiet_NaN();
 }
 
 std::vector<Refusal> refusals(const MotionRequest& request, const SupervisorLimits& limits) {
     std::vector<Refusal> reasons;
     if (auto valid = limits.validate(); !valid) reasons.push_back({Kind::limits, valid.error().message()});
-    addRegistration(request.registration, limits, reasons);
+    addRegistration(request, limits, reasons);
     addPath(request, reasons);
     addTimeOut(request.time_out, limits, reasons);
     return reasons;

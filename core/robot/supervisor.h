@@ -2,7 +2,8 @@
 // only when all of this holds; whatever is missing, not finite or left at its default counts against it:
 //
 //   registration  accepted by somebody, fresh, not older than its limit, and certain enough for the next cavity: its
-//                 error bound is within the envelope's delta, the room that the cavity leaves to the next (0.5 to 1 mm)
+//                 error bound is within the room that this one has. A stage before the last must stay inside the final
+//                 cavity: its room is its inset; the last one's is the envelope's delta (0.5 to 1 mm)
 //   path          checked twice (checked_motion.h), by this registration, for the stage that was confirmed
 //   time-out      somebody has confirmed patient, side, implant, stage, and the age of the calibration, and what was
 //                 confirmed is what the case says
@@ -48,12 +49,15 @@ struct TimeOut {
 
 struct MotionRequest {
     RegistrationStanding registration;
+    // How far inside the final cavity the stage to be cut lies; 0: it is the final one.
+    double inset_mm = std::numeric_limits<double>::quiet_NaN();
     std::optional<CheckedMotion> motion;  // empty: no path has been checked twice
     TimeOut time_out;
 };
 
 struct SupervisorLimits {
     double envelope_delta_mm = 0.75;
+    double most_inset_mm = 5;  // that counts as room: a registration less certain than this is none
     double most_registration_age_s = 1800;
     double most_calibration_age_s = 24 * 3600;
 
@@ -77,6 +81,9 @@ enum class RefusalKind {
     timeOutCalibrationAge,
     timeOutNobody,
 };
+
+// How far the stage may lie from where it belongs; NaN for an inset that is none.
+double roomOf(const MotionRequest& request, const SupervisorLimits& limits);
 
 struct Refusal {
     RefusalKind kind;

@@ -6,7 +6,6 @@
 
 #include <gmock/gmock.h>
 
-#include "core/distortion/utc_time.h"
 #include "core/simulation/intensifier_distortion.h"
 #include "tests/core/distortion/synthetic_grooves.h"
 #include "tests/support/fixtures.h"
@@ -224,15 +223,6 @@ TEST(DistortionMapSet, GoesThroughItsFilesAndSoDoesAnInterpolatedMap) {
     const auto bad = readDistortionMapSet(folder / "bad.json");
     ASSERT_FALSE(bad.ok());
     EXPECT_THAT(bad.error().message(), HasSubstr("measured_at: found \"1 March\""));
-}
-
-TEST(UtcTime, CountsDays) {
-    EXPECT_EQ(daysFromUtc("1970-01-02T12:00:00Z"), 1.5);
-    EXPECT_EQ(*daysFromUtc("2024-03-01T00:00:00Z") - *daysFromUtc("2024-02-28T00:00:00Z"), 2);  // a leap year
-    for (const char* bad :
-         {"", "2026-03-01", "2026-02-30T00:00:00Z", "2026-03-01T24:00:00Z", "2026-03-01T09:30:00+1"}) {
-        EXPECT_FALSE(daysFromUtc(bad).has_value()) << bad;
-    }
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 MotionRequest goodRequest() {
     MotionRequest request;
     request.registration = {"registration 7", "Dr Ito", true, "", 120, 0.4};
+    request.inset_mm = 0;
     request.motion = motionThrough({Vector3(0, 0, 0), Vector3(20, 0, 0)}, 20);
     request.time_out = {{"P-1", "P-1"}, {"left", "left"}, {"stem 4", "stem 4"}, {"stage 1", "stage 1"}, 3600,
                         true,           "Dr Ito"};
@@ -53,6 +54,9 @@ std::vector<Fault> faults() {
         {Kind::registrationUncertain, [](auto& r) { r.registration.error_bound_mm = 0; }},
         {Kind::registrationUncertain, [](auto& r) { r.registration.error_bound_mm = -0.1; }},
         {Kind::registrationUncertain, [](auto& r) { r.registration.error_bound_mm = 0.7501; }},
+        {Kind::registrationUncertain, [](auto& r) { r.inset_mm = kNan; }},
+        {Kind::registrationUncertain, [](auto& r) { r.inset_mm = -1; }},
+        {Kind::registrationUncertain, [](auto& r) { r.inset_mm = 0.3; }},
         {Kind::pathOfOtherRegistration, [](auto& r) { r.registration.id = "registration 8"; }},
         {Kind::pathOfOtherStage,
          [](auto& r) {
@@ -134,6 +138,22 @@ TEST(Supervisor, LimitsOutsideTheirOwnAreAReason) {
     MotionRequest request = goodRequest();
     request.registration.error_bound_mm = 0.6;
     EXPECT_EQ(kinds(request, narrow), std::set<Kind>{Kind::registrationUncertain});
+}
+
+TEST(Supervisor, AStageBeforeTheLastHasItsInsetForRoom) {
+    MotionRequest request = goodRequest();
+    request.registration.error_bound_mm = 1.9;
+    EXPECT_EQ(kinds(request), std::set<Kind>{Kind::registrationUncertain});
+    request.inset_mm = 2;
+    EXPECT_TRUE(kinds(request).empty());
+    request.registration.error_bound_mm = 2.01;
+    EXPECT_EQ(kinds(request), std::set<Kind>{Kind::registrationUncertain});
+    // However much room there is, a registration as bad as this is none.
+    request.inset_mm = 9;
+    request.registration.error_bound_mm = 5.01;
+    EXPECT_EQ(kinds(request), std::set<Kind>{Kind::registrationUncertain});
+    request.registration.error_bound_mm = 4.99;
+    EXPECT_TRUE(kinds(request).empty());
 }
 
 TEST(Supervisor, SentencesSayWhatIsWrong) {
