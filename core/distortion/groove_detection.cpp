@@ -1,7 +1,6 @@
 #include "core/distortion/groove_detection.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/distortion/groove_consistency.h"
 #include "core/distortion/groove_image.h"
@@ -436,7 +436,7 @@ Result<void> GrooveDetectionOptions::validate() const {
 
 Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& plate,
                                       const GrooveDetectionOptions& options, Progress& progress) {
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> good = options.validate(); !good) return good.error();
     if (const Result<void> good = plate.validate(); !good) return good.error();
     if (std::min(image.width(), image.height()) < kMinSize) {
@@ -467,8 +467,7 @@ Result<GrooveDetection> detectGrooves(const Image& image, const GroovedPlate& pl
             reached = 0.5 * (1 + reached);
             Result<GrooveDetection> measured = measureLattice(*prepared, *candidate, plate, options, part);
             if (measured) {
-                measured->elapsed_ms =
-                    std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+                measured->elapsed_ms = stopwatch.ms();
                 progress.report(1, "Grooves found");
                 return measured;
             }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/random.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/distortion/bead_test.h"
 #include "core/distortion/distortion_map.h"
@@ -315,11 +315,11 @@ Result<DewarpExperimentResult> runDewarpExperiment(const DewarpExperimentOptions
         for (std::size_t m = 0; m < options.models.size(); ++m) {
             DistortionFitOptions fit;
             fit.model = options.models[m];
-            const auto start = std::chrono::steady_clock::now();
+            const Stopwatch stopwatch;
             const Result<DistortionMap> map = fitDistortion(grooves->points, fit);
-            const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+            const double took_ms = stopwatch.ms();
             if (!map) continue;
-            if (m == 0) fit_ms.push_back(took.count());
+            if (m == 0) fit_ms.push_back(took_ms);
             if (const auto measured = measure(*pictures, scene, options, *beads, *map, errors[m]); !measured) continue;
             ++errors[m].fits;
             errors[m].coverage += map->quality().coverage;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -13,6 +12,7 @@
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/fiducial/detection/bead_background.h"
 #include "core/fiducial/detection/bead_candidates.h"
 #include "core/fiducial/detection/bead_fit.h"
@@ -119,7 +119,7 @@ Result<void> BeadDetectionOptions::validate() const {
 }
 
 Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> good = options.validate(); !good) return good.error();
     if (image.width() < 8 || image.height() < 8) {
         return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
@@ -249,7 +249,7 @@ Result<BeadDetections> detectBeads(const Image& image, const BeadDetectionOption
     result.columns = image.width();
     result.rows = image.height();
     result.candidates = static_cast<int>(all.size());
-    result.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result.elapsed_ms = stopwatch.ms();
     progress.report(1, "looking for beads");
     return result;
 }

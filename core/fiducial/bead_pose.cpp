@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -12,6 +11,7 @@
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
 #include "core/base/random.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/fiducial/bead_bundle.h"
 #include "core/fiducial/detection/bead_matching.h"
@@ -314,7 +314,7 @@ Result<void> BeadPoseOptions::validate() const {
 
 Result<BeadPose> estimateBeadPose(const std::vector<BeadDetection>& detections, const BeadLayout& layout,
                                   const CArm& carm, const BeadPoseOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> good = options.validate(); !good) return good.error();
     if (const Result<void> good = layout.validate(); !good) return good.error();
     if (const Result<void> good = carm.validate(); !good) return good.error();
@@ -375,7 +375,7 @@ Result<BeadPose> estimateBeadPose(const std::vector<BeadDetection>& detections, 
                                             pose.unexplained.size(), pose.matches.size()));
     }
     pose.hypotheses = tried;
-    pose.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    pose.elapsed_ms = stopwatch.ms();
     progress.report(1, "looking for the beads' pose");
     return pose;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -13,9 +12,11 @@
 
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/fiducial/corkscrew/ring_search.h"
 #include "core/fiducial/corkscrew/shaft_lines.h"
 #include "core/fiducial/corkscrew/wire_match.h"
+#include "core/imaging/carm_image.h"
 
 namespace fluorocut {
 namespace {
@@ -236,18 +237,11 @@ class Search {
 
 Result<void> requireUsable(const Image& image, const CArm& carm) {
     if (const auto good = carm.validate(); !good) return good;
-    if (image.width() != carm.columns || image.height() != carm.rows) {
-        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
-                            fmt::format("{} x {}, as the C-arm file says", carm.columns, carm.rows),
-                            "choose the C-arm that took the image");
-    }
+    if (const auto good = requireTakenBy(carm, image); !good) return good;
     if (image.width() < kLeastPixels || image.height() < kLeastPixels) {
         return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
                             fmt::format("at least {0} x {0}", kLeastPixels));
     }
-    const bool finite =
-        std::all_of(image.pixels().begin(), image.pixels().end(), [](float v) { return std::isfinite(v); });
-    if (!finite) return invalidInput("image", "a pixel that is no number", "grey values", "export it again");
     return {};
 }
 
@@ -292,7 +286,7 @@ Result<void> CorkscrewDetectionOptions::validate() const {
 
 Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm, const CorkscrewLayout& layout,
                                            const CorkscrewDetectionOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const auto good = options.validate(); !good) return good.error();
     if (const auto good = layout.validate(); !good) return good.error();
     if (const auto good = requireUsable(image, carm); !good) return good.error();
@@ -324,7 +318,7 @@ Result<CorkscrewDetection> detectCorkscrew(const Image& image, const CArm& carm,
     }
     if (detection.candidates.empty()) return whyNot(best, layout, options);
     progress.report(1, "corkscrew found");
-    detection.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    detection.elapsed_ms = stopwatch.ms();
     return detection;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -12,10 +11,12 @@
 
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/fiducial/corkscrew/other_focal.h"
 #include "core/fiducial/corkscrew/pose_near.h"
 #include "core/fiducial/corkscrew/twins.h"
+#include "core/imaging/carm_image.h"
 
 namespace fluorocut {
 
@@ -95,7 +96,7 @@ class Estimate {
         : given_(image), image_(&given_), carm_(carm), layout_(layout), options_(options) {}
 
     Result<CorkscrewPose> run(Progress& progress) {
-        const auto start = std::chrono::steady_clock::now();
+        const Stopwatch stopwatch;
         CorkscrewPose pose;
         const bool tracked = options_.initial && track();
         Result<void> found = tracked ? Result<void>() : search(progress);
@@ -120,7 +121,7 @@ class Estimate {
         progress.report(1, "corkscrew found");
         fill(pose);
         pose.tracked = tracked;
-        pose.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+        pose.elapsed_ms = stopwatch.ms();
         return pose;
     }
 
@@ -556,14 +557,7 @@ Result<CorkscrewPose> estimateCorkscrewPose(const Image& image, const CArm& carm
     if (const Result<void> ok = options.validate(); !ok) return ok.error();
     if (const Result<void> ok = layout.validate(); !ok) return ok.error();
     if (const Result<void> ok = carm.validate(); !ok) return ok.error();
-    if (image.width() != carm.columns || image.height() != carm.rows) {
-        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
-                            fmt::format("the C-arm's {} x {}", carm.columns, carm.rows),
-                            "give the C-arm file that belongs to this image");
-    }
-    for (const float pixel : image.pixels()) {
-        if (!std::isfinite(pixel)) return invalidInput("image", "a pixel that is not a number", "finite levels");
-    }
+    if (const Result<void> ok = requireTakenBy(carm, image); !ok) return ok.error();
     return Estimate(image, carm, layout, options).run(progress);
 }
 

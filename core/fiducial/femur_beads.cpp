@@ -1,7 +1,6 @@
 #include "core/fiducial/femur_beads.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
@@ -12,6 +11,7 @@
 
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/fiducial/bead_bundle.h"
 #include "core/fiducial/detection/bead_matching.h"
 #include "core/fiducial/femur_bead_fit.h"
@@ -197,7 +197,7 @@ Eigen::VectorXd beadParameterSigmas(const BeadLayout& layout, const BeadUncertai
 
 Result<FemurBeads> registerBeads(const std::vector<FemurView>& views, const BeadLayout& layout,
                                  const FemurBeadOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> good = options.validate(); !good) return good.error();
     if (const Result<void> good = layout.validate(); !good) return good.error();
     if (layout.frame != Frame::femur) {
@@ -339,7 +339,7 @@ Result<FemurBeads> registerBeads(const std::vector<FemurView>& views, const Bead
         atLeast("share of the beads found", worst_share, options.limits.least_share, ""),
         atMost("uncertainty of the beads' middle", worst_sigma, options.limits.most_sigma_mm, "mm"),
         atMost("size of the shadows against the layout", worst_size, options.limits.most_size_error, "")};
-    result.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result.elapsed_ms = stopwatch.ms();
     progress.report(1, "registering beads");
     return result;
 }

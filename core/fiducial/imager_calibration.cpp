@@ -1,7 +1,6 @@
 #include "core/fiducial/imager_calibration.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -10,6 +9,7 @@
 
 #include "core/base/median.h"
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/fiducial/bead_bundle.h"
 #include "core/fiducial/detection/bead_matching.h"
 #include "core/fiducial/sphere_shadow.h"
@@ -337,7 +337,7 @@ Result<void> ImagerCalibrationOptions::validate() const {
 
 Result<ImagerCalibration> calibrateImager(const std::vector<PhantomView>& views, const BeadLayout& layout,
                                           const ImagerCalibrationOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> good = options.validate(); !good) return good.error();
     if (const Result<void> good = layout.validate(); !good) return good.error();
     if (views.empty()) return noSolution(kWhere, "no view", "at least one picture of the phantom");
@@ -373,7 +373,7 @@ Result<ImagerCalibration> calibrateImager(const std::vector<PhantomView>& views,
     if (!result) return result;
     result->rejected_views = rejected;
     result->warnings.insert(result->warnings.begin(), rejected.begin(), rejected.end());
-    result->elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result->elapsed_ms = stopwatch.ms();
     progress.report(1, "calibrating the imager");
     return result;
 }

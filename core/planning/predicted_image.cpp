@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -10,9 +9,11 @@
 
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/geometry/mesh_section.h"
 #include "core/image/blur.h"
 #include "core/image/voxelize.h"
+#include "core/imaging/carm_image.h"
 
 namespace fluorocut {
 namespace {
@@ -163,11 +164,7 @@ Result<PredictedView> PredictedView::prepare(Image image, const CArm& carm, cons
                                              const PredictionOptions& options) {
     if (Result<void> good = carm.validate(); !good) return good.error();
     if (Result<void> good = options.validate(); !good) return good.error();
-    if (image.width() != carm.columns || image.height() != carm.rows)
-        return invalidInput("image", fmt::format("{} x {} pixels", image.width(), image.height()),
-                            fmt::format("{} x {} as the C-arm says", carm.columns, carm.rows));
-    if (!std::all_of(image.pixels().begin(), image.pixels().end(), [](float v) { return std::isfinite(v); }))
-        return invalidInput("image", "a level that is not finite", "finite levels");
+    if (Result<void> good = requireTakenBy(carm, image); !good) return good.error();
     PredictedView view;
     view.carm_ = carm;
     view.imager_from_femur_ = imager_from_femur;
@@ -190,7 +187,7 @@ Result<PredictedView> PredictedView::prepare(Image image, const CArm& carm, cons
 }
 
 Result<PredictedImage> PredictedView::predict(const PlannedSolids& solids, const PlacedPlan& plan) const {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     const Rigid3 imager_from_cavity = imager_from_femur_ * plan.femur_from_cavity;
     const bool with_ct = plan.removed != nullptr;
     const double fill = muOfHounsfield(options_.fill_hu, options_);
@@ -254,7 +251,7 @@ Result<PredictedImage> PredictedView::predict(const PlannedSolids& solids, const
         const float smooth_change = before > 0 ? wide_after.pixels()[p] / before - 1 : 0;
         result.image.pixels()[p] += after.pixels()[p] - primary_.pixels()[p] + smooth_.pixels()[p] * smooth_change;
     }
-    result.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result.elapsed_ms = stopwatch.ms();
     return result;
 }
 

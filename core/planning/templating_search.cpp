@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/planning/containment.h"
 
 namespace fluorocut {
@@ -95,7 +95,7 @@ const Implant& implantOfSize(const std::vector<Implant>& sizes, const std::strin
 Result<TemplateProposal> searchSizes(const std::vector<Implant>& sizes, const StemSeat& seat, const TemplateBone& bone,
                                      const TemplateOptions& options, Progress& progress) {
     constexpr const char* kStep = "trying sizes";
-    const auto began = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (auto good = options.validate(); !good) return good.error();
     if (sizes.empty() || bone.starts.empty()) throw std::logic_error("searchSizes: no sizes or nowhere to start");
     for (const Implant& implant : sizes)
@@ -123,7 +123,7 @@ Result<TemplateProposal> searchSizes(const std::vector<Implant>& sizes, const St
         return noSolution("stem " + sizes.front().family, proposal.trials.back().reason,
                           fmt::format("one of {} sizes that fits", sizes.size()),
                           "take another family, a lower wall limit or another level of resection");
-    proposal.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count();
+    proposal.elapsed_ms = stopwatch.ms();
     return proposal;
 }
 

@@ -1,7 +1,6 @@
 #include "core/registration/coregistration.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 
@@ -10,6 +9,7 @@
 
 #include "core/base/chi_square.h"
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/registration/pose_network.h"
 
@@ -341,7 +341,7 @@ Result<void> CoregistrationOptions::validate() const {
 
 Result<Coregistration> coregisterViews(const std::vector<CoregistrationView>& views,
                                        const CoregistrationOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> valid = check(views, options); !valid) return valid.error();
     progress.report(0, "Co-registering views");
     if (const Result<void> order = checkOrder(views, options); !order) return order.error();
@@ -407,7 +407,7 @@ Result<Coregistration> coregisterViews(const std::vector<CoregistrationView>& vi
                                             chiSquareTail(result.chi_square, result.degrees_of_freedom), kUnlikely,
                                             ""));
     }
-    result.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result.elapsed_ms = stopwatch.ms();
     progress.report(1, "Co-registering views");
     return result;
 }

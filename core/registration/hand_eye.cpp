@@ -1,13 +1,13 @@
 #include "core/registration/hand_eye.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include <Eigen/Dense>
 #include <fmt/format.h>
 
 #include "core/base/option_checks.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/registration/hand_eye/mistakes.h"
 #include "core/registration/hand_eye/problem.h"
@@ -102,7 +102,7 @@ Result<void> HandEyeOptions::validate() const {
 
 Result<HandEyeCalibration> calibrateHandEye(const std::vector<HandEyeObservation>& observations,
                                             const HandEyeOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     if (const Result<void> valid = check(observations, options); !valid) return valid.error();
     const hand_eye::Problem problem(observations, options);
     if (const Result<void> enough =
@@ -184,7 +184,7 @@ Result<HandEyeCalibration> calibrateHandEye(const std::vector<HandEyeObservation
         result.acceptance.push_back(
             atMost("noise over what was stated", fit.factor, options.limits.most_noise_factor, ""));
     }
-    result.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    result.elapsed_ms = stopwatch.ms();
     progress.report(1, "Calibrating robot and corkscrew");
     return result;
 }

@@ -1,11 +1,11 @@
 #include "core/simulation/femur_phantom.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/simulation/implicit.h"
 #include "core/simulation/pelvis_shape.h"
 #include "core/simulation/soft_tissue.h"
@@ -261,7 +261,7 @@ Result<FemurShape> femurShape(const FemurOptions& options) {
 }
 
 Result<FemurPhantom> generateFemur(const FemurOptions& options, Progress& progress) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     constexpr const char* kStep = "generating the femur";
     progress.report(0, kStep);
     const auto shape = femurShape(options);
@@ -287,7 +287,7 @@ Result<FemurPhantom> generateFemur(const FemurOptions& options, Progress& progre
     }
     if (options.side == BodySide::right) mirror(phantom);
     progress.report(1, kStep);
-    phantom.elapsed_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    phantom.elapsed_ms = stopwatch.ms();
     return phantom;
 }
 

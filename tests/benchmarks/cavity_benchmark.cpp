@@ -3,35 +3,24 @@
 //     cavity_benchmark [rounds]
 //
 // Times are medians over rounds, on all cores where the work is parallel (distances at single points are not).
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
 
-#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/base/random.h"
 #include "core/geometry/mesh_distance.h"
 #include "core/geometry/primitives.h"
 #include "core/planning/cavity.h"
+#include "tests/benchmarks/timing.h"
 
 using namespace fluorocut;
+using benchmark::medianMs;
 
 namespace {
-
-double medianMs(int rounds, const std::function<void()>& work) {
-    std::vector<double> ms;
-    for (int round = 0; round < rounds; ++round) {
-        const auto start = std::chrono::steady_clock::now();
-        work();
-        ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
-    }
-    return median(ms);
-}
 
 // Points about so far from places spread over the surface.
 std::vector<Vector3> pointsNear(const TriangleMesh& mesh, double distance_mm, int count) {

@@ -4,7 +4,6 @@
 //     corkscrew_benchmark [rounds]
 //
 // Images: 512 x 512, soft tissue, 1000 photons. Times are medians over rounds and poses; errors are means over poses.
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -17,6 +16,7 @@
 #include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/base/random.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/fiducial/corkscrew_refinement.h"
 #include "core/fiducial/corkscrew_refinement/predicted_image.h"
@@ -28,10 +28,6 @@ using namespace fluorocut;
 
 namespace {
 
-double nowMs() {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 struct Row {
     std::string name;
     std::vector<double> ms = {};
@@ -39,9 +35,9 @@ struct Row {
     int poses = 0;
 
     void time(const std::function<void()>& run) {
-        const double start = nowMs();
+        const Stopwatch stopwatch;
         run();
-        ms.push_back(nowMs() - start);
+        ms.push_back(stopwatch.ms());
     }
     void score(const Rigid3& pose, const Rigid3& truth) {
         const Vector6 off = pose.deltaFrom(truth);

@@ -3,33 +3,21 @@
 //
 //     cutting_benchmark [rounds]
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
-#include <functional>
-#include <vector>
 
 #include <fmt/format.h>
 
-#include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/cutting/envelope_check.h"
 #include "core/cutting/removal.h"
 #include "core/geometry/primitives.h"
 #include "core/planning/cavity.h"
+#include "tests/benchmarks/timing.h"
 
 using namespace fluorocut;
+using benchmark::medianMs;
 
 namespace {
-
-double medianMs(int rounds, const std::function<void()>& work) {
-    std::vector<double> ms;
-    for (int i = 0; i < rounds; ++i) {
-        const auto start = std::chrono::steady_clock::now();
-        work();
-        ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
-    }
-    return median(ms);
-}
 
 // Ends the program with the error's sentence: there is nothing to measure then.
 template <class T>

@@ -6,7 +6,6 @@
 //
 // Every round takes all programs in turn, so that a change of the machine's speed meets all of them; medians.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -21,17 +20,13 @@
 #include "core/base/parallel.h"
 #include "core/distortion/dewarp.h"
 #include "core/distortion/groove_detection.h"
+#include "tests/benchmarks/timing.h"
 #include "tests/core/distortion/plate_images.h"
 
 using namespace fluorocut;
+using benchmark::timedMs;
 
 namespace {
-
-double timedMs(const std::function<void()>& work) {
-    const auto start = std::chrono::steady_clock::now();
-    work();
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
 
 struct Contender {
     std::string name;

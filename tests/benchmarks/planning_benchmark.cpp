@@ -6,7 +6,6 @@
 // Each round takes every row over the same poses; times are medians. Processor time, of all threads together, is what
 // to look at on a machine that does other things too: the clock's is nearly that divided by the threads when it does
 // not.
-#include <chrono>
 #include <cstdlib>
 #include <ctime>
 #include <functional>
@@ -19,6 +18,7 @@
 #include "core/base/median.h"
 #include "core/base/parallel.h"
 #include "core/base/random.h"
+#include "core/base/stopwatch.h"
 #include "core/geometry/primitives.h"
 #include "core/imaging/mesh_projector.h"
 #include "core/imaging/silhouette.h"
@@ -128,10 +128,9 @@ int main(int argc, char** argv) {
             for (Row& row : rows) {
                 for (int repeat = 0; repeat < row.repeats; ++repeat) {
                     const std::clock_t busy = std::clock();
-                    const auto start = std::chrono::steady_clock::now();
+                    const Stopwatch stopwatch;
                     row.run(pose);
-                    row.ms.push_back(
-                        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+                    row.ms.push_back(stopwatch.ms());
                     row.processor_ms.push_back(1e3 * static_cast<double>(std::clock() - busy) / CLOCKS_PER_SEC);
                 }
             }

@@ -6,7 +6,6 @@
 // Each round takes every program over the same views, so that a change of the machine's speed meets all of them. Times
 // are medians over rounds and views; a program's own start and the reading of the volume are not counted.
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <functional>
 #include <string>
@@ -16,6 +15,7 @@
 
 #include "core/base/median.h"
 #include "core/base/parallel.h"
+#include "core/base/stopwatch.h"
 #include "core/imaging/volume_projector.h"
 #include "tests/benchmarks/itk_ray_cast.h"
 #include "tests/core/imaging/blob_volumes.h"
@@ -26,19 +26,15 @@ using namespace fluorocut;
 
 namespace {
 
-double nowMs() {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 struct Timed {
     Image image;
     double ms = 0;
 };
 
 Timed timed(const std::function<Image()>& project) {
-    const double start = nowMs();
+    const Stopwatch stopwatch;
     Timed result{project(), 0};
-    result.ms = nowMs() - start;
+    result.ms = stopwatch.ms();
     return result;
 }
 
@@ -83,9 +79,9 @@ int main(int argc, char** argv) {
     for (const double angle : {5.0, 65.0, 125.0, 185.0, 245.0})
         views.push_back(test::orbit(angle, 12));
 
-    const double start = nowMs();
+    const Stopwatch stopwatch;
     const Result<VolumeProjector> projector = VolumeProjector::prepare(volume);
-    const double prepare_ms = nowMs() - start;
+    const double prepare_ms = stopwatch.ms();
     if (!projector) return 1;
 
     const auto ours = [&](ProjectionOptions options) {

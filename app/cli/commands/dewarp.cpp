@@ -10,6 +10,7 @@
 
 #include "app/cli/commands/list.h"
 #include "app/cli/options.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/distortion/distortion_map_set.h"
 #include "core/io/resources.h"
@@ -71,11 +72,11 @@ Result<PlateFit> fitPlate(const std::string& plate_file, const Image& image, con
     Result<GrooveDetection> grooves = detectGrooves(image, *plate, {}, detecting);
     if (!grooves) return grooves.error();
     SubProgress fitting(progress, 0.8, 1);
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     Result<DistortionMap> map = fitDistortion(grooves->points, options, fitting);
+    const double fit_ms = stopwatch.ms();
     if (!map) return map.error();
-    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - start;
-    return PlateFit{std::move(*grooves), std::move(*map), elapsed.count()};
+    return PlateFit{std::move(*grooves), std::move(*map), fit_ms};
 }
 
 Result<DistortionMap> mapFor(const MapOptions& options, const ImageFile* image, Progress& progress) {

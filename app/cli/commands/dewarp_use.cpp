@@ -1,6 +1,5 @@
 // dewarp apply, points, collect: what distortion maps are for.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "app/cli/files.h"
 #include "app/cli/options.h"
 #include "app/cli/point_table.h"
+#include "core/base/stopwatch.h"
 #include "core/base/units.h"
 #include "core/distortion/dewarp.h"
 #include "core/distortion/distortion_map_set.h"
@@ -19,12 +19,6 @@
 
 namespace fluorocut::cli {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double millisecondsSince(Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 struct ApplyOptions {
     MapOptions map;
@@ -64,13 +58,13 @@ Result<Report> runApply(const ApplyOptions& options, Progress& progress) {
     if (!map) return map.error();
 
     progress.report(0.7, "resampling");
-    const auto start = Clock::now();
+    const Stopwatch preparing;
     const Dewarper dewarper(*map, resamplingOf(options.resampling));
-    const double prepare_ms = millisecondsSince(start);
-    const auto prepared = Clock::now();
+    const double prepare_ms = preparing.ms();
+    const Stopwatch straightening;
     Result<Image> straight = dewarper.dewarped(file->image);
     if (!straight) return straight.error();
-    const double elapsed_ms = millisecondsSince(prepared);
+    const double elapsed_ms = straightening.ms();
     if (progress.isCancelled()) return cancelled("dewarp apply");
 
     ImageWriteOptions write;

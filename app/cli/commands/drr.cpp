@@ -1,6 +1,5 @@
 // drr: a simulated fluoroscopic image of a CT.
 #include <algorithm>
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "app/cli/options.h"
 #include "app/cli/patient.h"
 #include "core/base/median.h"
+#include "core/base/stopwatch.h"
 #include "core/imaging/display_picture.h"
 #include "core/imaging/standard_views.h"
 #include "core/imaging/volume_projector.h"
@@ -46,12 +46,6 @@ struct Geometry {
     CArm carm;
     Rigid3 imager_from_femur;
 };
-
-using Clock = std::chrono::steady_clock;
-
-double millisecondsSince(Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 // What hands the best picture to whoever says no more than a file's name.
 Result<Kind> chooseKind(const Options& options) {
@@ -148,11 +142,11 @@ Result<Report> run(const Options& options, Progress& progress) {
     if (!geometry) return geometry.error();
 
     progress.report(0.7, "preparing");
-    Clock::time_point start = Clock::now();
+    const Stopwatch preparing;
     const Result<VolumeProjector> projector =
         VolumeProjector::prepare(*ct, {.mu_water_per_mm = options.mu_water_per_mm});
     if (!projector) return projector.error();
-    const double prepare_ms = millisecondsSince(start);
+    const double prepare_ms = preparing.ms();
 
     ProjectionOptions projection;
     projection.method = options.method == "exact" ? ProjectionMethod::exact : ProjectionMethod::fast;
@@ -162,9 +156,9 @@ Result<Report> run(const Options& options, Progress& progress) {
     for (int i = 0; i < options.repeat; ++i) {
         progress.report(0.75 + 0.2 * i / options.repeat, "projecting");
         if (progress.isCancelled()) return cancelled("drr");
-        start = Clock::now();
+        const Stopwatch projecting;
         image = projector->project(geometry->carm, geometry->imager_from_femur, projection);
-        times_ms.push_back(millisecondsSince(start));
+        times_ms.push_back(projecting.ms());
     }
 
     const CArm carm = geometry->carm.binned(options.binning);

@@ -1,7 +1,6 @@
 #include "core/imaging/mesh_projector.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -13,6 +12,7 @@
 
 #include "core/base/parallel.h"
 #include "core/base/random.h"
+#include "core/base/stopwatch.h"
 #include "core/geometry/mesh_tools.h"
 #include "core/geometry/primitives.h"
 #include "tests/core/imaging/pincushion.h"
@@ -333,10 +333,9 @@ TEST(MeshProjector, IsFastAndTheSameOnAnyNumberOfThreads) {
     const Image reference = projector->project(carm, pose);
     std::vector<double> milliseconds;
     for (int run = 0; run < 15; ++run) {
-        const auto start = std::chrono::steady_clock::now();
+        const Stopwatch stopwatch;
         const Image again = projector->project(carm, pose);
-        milliseconds.push_back(
-            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+        milliseconds.push_back(stopwatch.ms());
         ASSERT_EQ(again, reference);
     }
     std::ranges::sort(milliseconds);
