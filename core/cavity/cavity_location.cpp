@@ -71,6 +71,7 @@ Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const 
     if (const Result<void> ok = options.validate(); !ok) return ok.error();
     if (const Result<void> ok = requireSolid(mesh, "cavity"); !ok) return ok.error();
     if (views.empty()) return invalidInput("views", "none", "at least one image after the cut");
+    if (options.method == CavityMethod::paper) return noSolution(kStep, "method paper", "full", "give full");
     if (!ct) return invalidInput("ct", "none", "the CT of this femur before the cut", "give a CT");
     for (const CavityView& view : views) {
         if (const Result<void> ok = view.carm.validate(); !ok) return ok.error();

@@ -10,6 +10,12 @@
 //     g, h, polynomial, s   linear: attenuation scales, what scatter and gain do slowly over the image, blur
 //
 // fitted to the after-images' pixels around the cavity (Gauss-Newton, robust weights after the first iterations).
+// Without a CT the images before the cut stand in its place, each brought to the after-image's pose.
+//
+// Method `paper`: Yao, Taylor et al. (2000), the baseline that tables show. View by view, again and again: the image
+// before is laid upon the one after (shift, turn, scale), their difference gives the cavity's outline, the planned
+// cavity's apparent contour is laid upon that, and the plane motion is put back into space. It needs the images before.
+//
 // Frames: `femur` (patient), `cavity` (planned cavity), `imager` (one per view). mm, rad. The poses of views are
 // imager_from_femur; their standing uncertainty is given as standard deviations or with the pose.
 //
@@ -38,7 +44,11 @@ struct CavityView {
     Image after;
     CArm carm;
     Rigid3 after_imager_from_femur;
+    Image before = {};  // of the same C-arm, before the cut; empty: none
+    Rigid3 before_imager_from_femur = {};
 };
+
+enum class CavityMethod { full, paper };
 
 // Standard deviations of a view's pose as it is given, at the cavity: where the femur is seen in the image corrects the
 // pose, so that generous values cost little.
@@ -65,6 +75,7 @@ struct CavityLocationLimits {
 };
 
 struct CavityLocationOptions {
+    CavityMethod method = CavityMethod::full;
     ViewPoseUncertainty view_pose;
     double mu_water_per_mm = 0.02;  // that the CT's HU stand for
     double blur_px = 0.8;           // to start with
@@ -81,6 +92,9 @@ struct ViewResidual {
     // Share of the contrast which the cavity was expected to make that the image shows: 0 where the image knows nothing
     // of it, about 1 where it is there.
     double evidence = std::numeric_limits<double>::quiet_NaN();
+    // Root mean square distance (px) between the cavity's outline as the image shows it and the outline of the cavity
+    // where it was found; NaN where no outline is found in the image.
+    double contour_px = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct CavityLocation {
@@ -94,7 +108,8 @@ struct CavityLocation {
     double elapsed_ms = std::numeric_limits<double>::quiet_NaN();
 };
 
-// `mesh`: the cavity's, closed. `ct`: Hounsfield units, before the cut.
+// `mesh`: the cavity's, closed. `ct`: Hounsfield units, before the cut; null: none, then every view has its image
+// before.
 Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const TriangleMesh& mesh,
                                     const Rigid3& planned_femur_from_cavity, std::shared_ptr<const Volume> ct,
                                     const CavityLocationOptions& options = {}, Progress& progress = Progress::none());
