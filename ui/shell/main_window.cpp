@@ -24,7 +24,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent), jobs_(new JobRunn
     grid_->setSpacing(2);
     setCentralWidget(sheet);
 
-    hint_ = new QLabel(tr("Left drag: window and level   Wheel: zoom   Middle drag: pan   Double click: fit"), this);
+    hint_ = new QLabel(tr("Left drag: window and level   Wheel: zoom   Middle drag: pan   F: fit   M: mirror   I: invert"), this);
     hint_->setContentsMargins(8, 3, 8, 3);
     statusBar()->addWidget(hint_);
     auto* notice = new QLabel(tr("Research software, not a medical device"), this);

@@ -12,16 +12,9 @@ namespace {
 
 constexpr double kZoomPerNotch = 1.2;
 constexpr double kMostZoom = 64;
+constexpr double kDragPerNotch = 20;  // screen pixels of a right drag that zoom as much as a notch of the wheel
+constexpr double kReach = 9;          // screen pixels within which the hand takes hold of something
 constexpr int kMargin = 10;
-
-// Text that can be read on black and on white: on a plate of its own.
-void paintText(QPainter& painter, const QRect& area, int alignment, const QString& text) {
-    if (text.isEmpty()) return;
-    const QRect plate = painter.boundingRect(area, alignment, text).adjusted(-5, -2, 5, 2);
-    painter.fillRect(plate, QColor(12, 15, 18, 170));
-    painter.setPen(QColor(225, 232, 238));
-    painter.drawText(area, alignment, text);
-}
 
 QString number(double value) {
     return QString::number(value, 'g', 4);
@@ -46,13 +39,18 @@ ImageView::ImageView(QWidget* parent) : QWidget(parent) {
 }
 
 void ImageView::setImage(std::shared_ptr<const Image> image, const QString& title) {
+    const bool same_size = image && image_ && image->width() == image_->width() && image->height() == image_->height();
     image_ = std::move(image);
     title_ = title;
     message_.clear();
     progress_.reset();
     levels_ = image_ ? GrayLevels(*image_) : GrayLevels();
     resetDisplayWindow();
-    fit();
+    if (!same_size) {
+        mirrored_ = false;
+        showFitted();
+    }
+    update();
 }
 
 void ImageView::setMessage(const QString& message, std::optional<double> progress) {
@@ -61,13 +59,65 @@ void ImageView::setMessage(const QString& message, std::optional<double> progres
     update();
 }
 
+void ImageView::setMarks(const ViewMarks& marks) {
+    marks_ = marks;
+    update();
+}
+
+void ImageView::setOverlay(Overlay overlay) {
+    overlay_ = std::move(overlay);
+    update();
+}
+
+void ImageView::setPassingOverlay(Overlay overlay) {
+    if (overlay.empty() && passing_.empty()) return;
+    passing_ = std::move(overlay);
+    update();
+}
+
 void ImageView::setDisplayWindow(const DisplayWindow& window) {
     window_ = window;
     // Narrower than a 10,000th of the image's range there is nothing left to see.
     window_.width = std::max(window_.width, 1e-4 * levels_.range());
-    shown_ = levels_.render(window_);
-    update();
+    render();
     emit displayWindowChanged();
+}
+
+void ImageView::setPreset(WindowPreset preset) {
+    const DisplayWindow all = levels_.fittingWindow();
+    const double dark = all.center - 0.5 * all.width;
+    switch (preset) {
+        case WindowPreset::everything:
+            setDisplayWindow(all);
+            break;
+        // Bone lets through less than half of what its surroundings do, metal next to nothing.
+        case WindowPreset::bone:
+            setDisplayWindow({dark + 0.25 * all.width, 0.5 * all.width});
+            break;
+        case WindowPreset::metal:
+            setDisplayWindow({dark + 0.075 * all.width, 0.15 * all.width});
+            break;
+    }
+}
+
+void ImageView::setInverted(bool inverted) {
+    inverted_ = inverted;
+    render();
+}
+
+void ImageView::setMirrored(bool mirrored) {
+    if (mirrored == mirrored_) return;
+    const QPointF middle = imageFromWidget(QRectF(rect()).center());
+    mirrored_ = mirrored;
+    if (image_) corner_ += QRectF(rect()).center() - widgetFromImage(middle);
+    if (fitted_) showFitted();
+    update();
+}
+
+void ImageView::render() {
+    shown_ = levels_.render(window_);
+    if (inverted_) shown_.invertPixels();
+    update();
 }
 
 double ImageView::fittingZoom() const {
@@ -75,14 +125,30 @@ double ImageView::fittingZoom() const {
     return std::min(width() / static_cast<double>(image_->width()), height() / static_cast<double>(image_->height()));
 }
 
-void ImageView::fit() {
+void ImageView::showFitted() {
     fitted_ = true;
-    if (image_) {
-        zoom_ = std::max(fittingZoom(), 1e-3);
-        corner_ = QPointF(0.5 * (width() - zoom_ * image_->width()), 0.5 * (height() - zoom_ * image_->height()));
-    }
+    if (!image_) return;
+    zoom_ = std::max(fittingZoom(), 1e-3);
+    const double side = mirrored_ ? 1 : -1;
+    corner_ = QPointF(0.5 * (width() + side * zoom_ * image_->width()), 0.5 * (height() - zoom_ * image_->height()));
+}
+
+void ImageView::fit() {
+    showFitted();
     update();
     emit viewChanged();
+}
+
+ImageView::Glance ImageView::glance() const {
+    return {imageFromWidget(QRectF(rect()).center()), zoom_ / std::max(fittingZoom(), 1e-3)};
+}
+
+void ImageView::setGlance(const Glance& glance) {
+    if (!image_) return;
+    zoom_ = glance.relative_zoom * std::max(fittingZoom(), 1e-3);
+    fitted_ = false;
+    corner_ += QRectF(rect()).center() - widgetFromImage(glance.middle);
+    update();
 }
 
 void ImageView::zoomAbout(const QPointF& anchor, double factor) {
@@ -97,11 +163,18 @@ void ImageView::zoomAbout(const QPointF& anchor, double factor) {
 }
 
 QPointF ImageView::imageFromWidget(const QPointF& point) const {
-    return (point - corner_) / zoom_ - QPointF(0.5, 0.5);
+    const QPointF from_corner = (point - corner_) / zoom_;
+    return QPointF(mirrored_ ? -from_corner.x() : from_corner.x(), from_corner.y()) - QPointF(0.5, 0.5);
 }
 
 QPointF ImageView::widgetFromImage(const QPointF& point) const {
-    return (point + QPointF(0.5, 0.5)) * zoom_ + corner_;
+    const QPointF from_corner = (point + QPointF(0.5, 0.5)) * zoom_;
+    return corner_ + QPointF(mirrored_ ? -from_corner.x() : from_corner.x(), from_corner.y());
+}
+
+QTransform ImageView::widgetFromImage() const {
+    const QPointF origin = widgetFromImage(QPointF(0, 0));
+    return {mirrored_ ? -zoom_ : zoom_, 0, 0, zoom_, origin.x(), origin.y()};
 }
 
 QString ImageView::readOut(const QPointF& point_in_widget) const {
@@ -119,7 +192,12 @@ void ImageView::paintEvent(QPaintEvent*) {
     if (image_) {
         // Shrunk images are smoothed; enlarged ones show their pixels.
         painter.setRenderHint(QPainter::SmoothPixmapTransform, zoom_ < 2);
-        painter.drawImage(QRectF(corner_, QSizeF(zoom_ * image_->width(), zoom_ * image_->height())), shown_);
+        painter.save();
+        painter.setTransform(widgetFromImage());
+        painter.drawImage(QRectF(-0.5, -0.5, image_->width(), image_->height()), shown_);
+        painter.restore();
+        paintOverlay(painter, overlay_, widgetFromImage());
+        paintOverlay(painter, passing_, widgetFromImage());
         paintCorners(painter);
     }
     if (!message_.isEmpty()) paintMessage(painter);
@@ -134,12 +212,15 @@ void ImageView::paintCorners(QPainter& painter) const {
     QFont bold = font();
     bold.setBold(true);
     painter.setFont(bold);
-    paintText(painter, area, Qt::AlignTop | Qt::AlignLeft, title_);
+    paintPlate(painter, area, Qt::AlignTop | Qt::AlignLeft, title_);
     painter.setFont(font());
-    paintText(painter, area, Qt::AlignTop | Qt::AlignRight, QStringLiteral("%1 %").arg(100 * zoom_, 0, 'f', 0));
-    paintText(painter, area, Qt::AlignBottom | Qt::AlignRight,
-              QStringLiteral("W %1  L %2").arg(number(window_.width), number(window_.center)));
-    if (cursor_) paintText(painter, area, Qt::AlignBottom | Qt::AlignLeft, readOut(*cursor_));
+    paintPlate(painter, area, Qt::AlignTop | Qt::AlignRight, QStringLiteral("%1 %").arg(100 * zoom_, 0, 'f', 0));
+    paintPlate(painter, area, Qt::AlignBottom | Qt::AlignRight,
+               QStringLiteral("W %1  L %2").arg(number(window_.width), number(window_.center)));
+    if (cursor_) paintPlate(painter, area, Qt::AlignBottom | Qt::AlignLeft, readOut(*cursor_));
+    std::optional<double> screen_px_per_mm;
+    if (marks_.px_per_mm) screen_px_per_mm = zoom_ * *marks_.px_per_mm;
+    paintMarks(painter, area, marks_, screen_px_per_mm, mirrored_, 1);
 }
 
 void ImageView::paintMessage(QPainter& painter) const {
@@ -155,18 +236,34 @@ void ImageView::paintMessage(QPainter& painter) const {
 }
 
 void ImageView::resizeEvent(QResizeEvent*) {
-    if (fitted_) fit();
+    if (fitted_) showFitted();
+}
+
+Touch ImageView::touchAt(const QPointF& point, Qt::KeyboardModifiers modifiers) const {
+    const QPointF pixel = imageFromWidget(point);
+    return {{pixel.x(), pixel.y()}, kReach / zoom_, modifiers};
+}
+
+void ImageView::stopPointing() {
+    if (!pointing_) return;
+    pointing_ = false;
+    emit pointedAt(std::nullopt);
 }
 
 void ImageView::mousePressEvent(QMouseEvent* event) {
-    last_ = positionOf(*event);
+    if (drag_ != Drag::none) return;  // one button at a time
+    last_ = pressed_ = positionOf(*event);
     const bool shift = event->modifiers() & Qt::ShiftModifier;
     if (event->button() == Qt::MiddleButton || (event->button() == Qt::LeftButton && shift)) {
         drag_ = Drag::pan;
         setCursor(Qt::ClosedHandCursor);
+    } else if (event->button() == Qt::RightButton) {
+        drag_ = Drag::zoom;
     } else if (event->button() == Qt::LeftButton) {
-        drag_ = Drag::window;
+        const bool taken = tool_ && image_ && tool_->press(*this, touchAt(last_, event->modifiers()));
+        drag_ = taken ? Drag::tool : Drag::window;
     }
+    if (drag_ != Drag::none) stopPointing();
 }
 
 void ImageView::mouseMoveEvent(QMouseEvent* event) {
@@ -178,25 +275,40 @@ void ImageView::mouseMoveEvent(QMouseEvent* event) {
         corner_ += moved;
         fitted_ = false;
         emit viewChanged();
+    } else if (drag_ == Drag::zoom) {
+        zoomAbout(pressed_, std::pow(kZoomPerNotch, -moved.y() / kDragPerNotch));
+    } else if (drag_ == Drag::tool) {
+        tool_->drag(*this, touchAt(here, event->modifiers()));
     } else if (drag_ == Drag::window && image_) {
         // A drag across 400 screen pixels spans the image's whole range. Down brightens: the level falls.
         const double per_pixel = levels_.range() / 400;
         setDisplayWindow({window_.center - moved.y() * per_pixel, window_.width + moved.x() * per_pixel});
+    } else if (drag_ == Drag::none && image_) {
+        if (event->modifiers() & Qt::ShiftModifier) {
+            pointing_ = true;
+            emit pointedAt(imageFromWidget(here));
+        } else {
+            stopPointing();
+        }
+        setCursor(tool_ ? tool_->hover(*this, touchAt(here, event->modifiers())) : Qt::CrossCursor);
     }
     update();
 }
 
-void ImageView::mouseReleaseEvent(QMouseEvent*) {
+void ImageView::mouseReleaseEvent(QMouseEvent* event) {
+    if (event->buttons() != Qt::NoButton) return;  // another one is still held
+    if (drag_ == Drag::tool) tool_->release(*this, touchAt(positionOf(*event), event->modifiers()));
     drag_ = Drag::none;
     setCursor(Qt::CrossCursor);
 }
 
 void ImageView::mouseDoubleClickEvent(QMouseEvent* event) {
-    if (event->button() == Qt::LeftButton) fit();
+    if (event->button() == Qt::LeftButton) emit maximiseRequested();
 }
 
 void ImageView::leaveEvent(QEvent*) {
     cursor_.reset();
+    stopPointing();
     update();
 }
 
@@ -207,10 +319,34 @@ void ImageView::wheelEvent(QWheelEvent* event) {
 }
 
 void ImageView::keyPressEvent(QKeyEvent* event) {
-    if (event->key() == Qt::Key_R && image_) {
-        resetDisplayWindow();
-    } else {
+    if (!image_ || event->modifiers() != Qt::NoModifier) {
         QWidget::keyPressEvent(event);
+        return;
+    }
+    switch (event->key()) {
+        case Qt::Key_F:
+            fit();
+            break;
+        case Qt::Key_R:
+            resetDisplayWindow();
+            break;
+        case Qt::Key_I:
+            setInverted(!inverted_);
+            break;
+        case Qt::Key_M:
+            setMirrored(!mirrored_);
+            break;
+        case Qt::Key_1:
+            setPreset(WindowPreset::everything);
+            break;
+        case Qt::Key_2:
+            setPreset(WindowPreset::bone);
+            break;
+        case Qt::Key_3:
+            setPreset(WindowPreset::metal);
+            break;
+        default:
+            QWidget::keyPressEvent(event);
     }
 }
 

@@ -98,11 +98,154 @@ TEST_F(ImageViewTest, AMiddleDragPansAndKeepsTheWindow) {
     EXPECT_EQ(view_.displayWindow(), window);
 }
 
-TEST_F(ImageViewTest, ADoubleClickFitsAgain) {
-    test::turnWheel(view_, {10, 10}, 4);
+TEST_F(ImageViewTest, ADoubleClickAsksToBeShownAlone) {
+    const QSignalSpy asked(&view_, &ImageView::maximiseRequested);
     test::sendMouse(view_, QEvent::MouseButtonDblClick, {50, 50}, Qt::LeftButton, Qt::LeftButton);
+    EXPECT_EQ(asked.count(), 1);
+}
+
+TEST_F(ImageViewTest, TheKeyFFitsAgain) {
+    test::turnWheel(view_, {10, 10}, 4);
+    QTest::keyClick(&view_, Qt::Key_F);
     EXPECT_DOUBLE_EQ(view_.zoom(), 2);
     EXPECT_NEAR(view_.imageFromWidget({0, 50}).x(), -0.5, 1e-9);
+}
+
+TEST_F(ImageViewTest, ARightDragZoomsAboutWhereItBegan) {
+    const QPointF under = view_.imageFromWidget({120, 90});
+    test::drag(view_, {120, 90}, {120, 50}, Qt::RightButton);  // 40 up: two notches of the wheel
+    EXPECT_NEAR(view_.zoom(), 2 * 1.2 * 1.2, 1e-9);
+    EXPECT_NEAR(view_.imageFromWidget({120, 90}).x(), under.x(), 1e-9);
+    EXPECT_NEAR(view_.imageFromWidget({120, 90}).y(), under.y(), 1e-9);
+}
+
+TEST_F(ImageViewTest, MirroringKeepsTheImagesCoordinatesAndSaysSo) {
+    test::turnWheel(view_, {300, 100}, 2);
+    const QPointF middle = view_.imageFromWidget({200, 150});
+    const QImage before = view_.grab().toImage();
+    QTest::keyClick(&view_, Qt::Key_M);
+    EXPECT_TRUE(view_.isMirrored());
+    EXPECT_NEAR(view_.imageFromWidget({200, 150}).x(), middle.x(), 1e-9);
+    // What lay 50 to the right of the middle lies 50 to its left.
+    EXPECT_NEAR(view_.imageFromWidget({150, 150}).x() - middle.x(), 50 / view_.zoom(), 1e-9);
+    const QPointF place(57, 31), there = view_.widgetFromImage(place);
+    EXPECT_NEAR(view_.imageFromWidget(there).x(), place.x(), 1e-9);
+    EXPECT_NEAR(view_.widgetFromImage().map(place).x(), there.x(), 1e-9);
+    EXPECT_NE(view_.grab().toImage(), before);
+    test::turnWheel(view_, {123, 88}, 1);
+    test::drag(view_, {100, 100}, {130, 90}, Qt::MiddleButton);
+    QTest::keyClick(&view_, Qt::Key_F);
+    EXPECT_NEAR(view_.imageFromWidget({400, 50}).x(), -0.5, 1e-9);
+}
+
+TEST_F(ImageViewTest, InvertingTurnsGreyOver) {
+    view_.setDisplayWindow({500, 1000});
+    const QPoint place = view_.widgetFromImage({140, 50}).toPoint();
+    const int grey = qRed(view_.grab().toImage().pixel(place));
+    QTest::keyClick(&view_, Qt::Key_I);
+    EXPECT_EQ(qRed(view_.grab().toImage().pixel(place)), 255 - grey);
+}
+
+TEST_F(ImageViewTest, PresetsNarrowTheWindowTowardTheDarkEnd) {
+    const DisplayWindow all = view_.displayWindow();
+    QTest::keyClick(&view_, Qt::Key_3);
+    EXPECT_LT(view_.displayWindow().width, 0.2 * all.width);
+    EXPECT_NEAR(view_.displayWindow().center - 0.5 * view_.displayWindow().width, all.center - 0.5 * all.width, 1e-6);
+    QTest::keyClick(&view_, Qt::Key_1);
+    EXPECT_EQ(view_.displayWindow(), all);
+}
+
+TEST_F(ImageViewTest, AnImageOfTheSameSizeStaysWhereTheOneBeforeWas) {
+    test::turnWheel(view_, {10, 10}, 3);
+    const double zoom = view_.zoom();
+    view_.setImage(ramp(200, 100), "AP, after cut 1");
+    EXPECT_DOUBLE_EQ(view_.zoom(), zoom);
+    view_.setImage(ramp(100, 100), "other");
+    EXPECT_DOUBLE_EQ(view_.zoom(), 3);
+}
+
+TEST_F(ImageViewTest, AGlanceGoesFromOneViewToAnother) {
+    ImageView other;
+    other.resize(800, 600);
+    other.setImage(ramp(200, 100), "lateral");
+    test::turnWheel(view_, {90, 110}, 3);
+    other.setGlance(view_.glance());
+    EXPECT_NEAR(other.glance().middle.x(), view_.glance().middle.x(), 1e-9);
+    EXPECT_NEAR(other.zoom(), 2 * view_.zoom(), 1e-9);  // it is twice as large
+}
+
+TEST_F(ImageViewTest, WithShiftHeldItTellsWhereTheCursorPoints) {
+    std::vector<std::optional<QPointF>> places;
+    QObject::connect(&view_, &ImageView::pointedAt, [&](std::optional<QPointF> at) { places.push_back(at); });
+    test::sendMouse(view_, QEvent::MouseMove, {100, 100}, Qt::NoButton, Qt::NoButton);
+    EXPECT_TRUE(places.empty());
+    test::sendMouse(view_, QEvent::MouseMove, {100, 100}, Qt::NoButton, Qt::NoButton, Qt::ShiftModifier);
+    ASSERT_EQ(places.size(), 1U);
+    EXPECT_NEAR(places[0]->x(), view_.imageFromWidget({100, 100}).x(), 1e-12);
+    test::sendMouse(view_, QEvent::MouseMove, {101, 100}, Qt::NoButton, Qt::NoButton);
+    ASSERT_EQ(places.size(), 2U);
+    EXPECT_FALSE(places[1]);
+}
+
+class Recorder : public ViewTool {
+  public:
+    bool press(ImageView&, const Touch& touch) override {
+        at.push_back(touch.at_px);
+        return touch.at_px.x() < 100;
+    }
+    void drag(ImageView&, const Touch& touch) override { at.push_back(touch.at_px); }
+    void release(ImageView&, const Touch&) override { ++released; }
+    Qt::CursorShape hover(ImageView&, const Touch&) override { return Qt::SizeAllCursor; }
+
+    std::vector<Vector2> at;
+    int released = 0;
+};
+
+TEST_F(ImageViewTest, AToolTakesTheLeftButtonFirst) {
+    Recorder tool;
+    view_.setTool(&tool);
+    const DisplayWindow window = view_.displayWindow();
+    test::drag(view_, {100, 100}, {140, 100});
+    EXPECT_EQ(view_.displayWindow(), window);
+    EXPECT_EQ(tool.released, 1);
+    EXPECT_NEAR(tool.at.back().x() - tool.at.front().x(), 20, 1e-9);  // 40 screen pixels at a zoom of 2
+    test::drag(view_, {300, 100}, {340, 100});                        // not the tool's
+    EXPECT_NE(view_.displayWindow(), window);
+    EXPECT_EQ(tool.released, 1);
+}
+
+// The drawn contour against the place that was asked for, on the screen.
+TEST_F(ImageViewTest, AnOverlayIsDrawnWhereItsPixelsAre) {
+    view_.setDisplayWindow({5000, 1});  // black
+    Overlay overlay;
+    overlay.curves.push_back({Ink::stage, {{20, 20}, {20, 80}}, false, false});
+    overlay.curves.push_back({Ink::implant, {{150, 20}, {std::nan(""), 0}, {150, 80}}, false, false});  // interrupted
+    view_.setOverlay(overlay);
+    for (const int notches : {0, 3, 2}) {
+        test::turnWheel(view_, view_.widgetFromImage({20, 50}), notches);
+        const QImage picture = view_.grab().toImage();
+        const QPointF middle = view_.widgetFromImage({20, 50});
+        // A dashed line: look along it for the columns that are yellow anywhere.
+        double sum = 0, weight = 0;
+        for (int x = static_cast<int>(middle.x()) - 8; x < middle.x() + 8; ++x) {
+            for (int y = static_cast<int>(middle.y()) - 20; y < middle.y() + 20; ++y) {
+                const QRgb c = picture.pixel(x, y);
+                const double yellow = std::max(0, std::min(qRed(c), qGreen(c)) - qBlue(c));
+                sum += yellow * (x + 0.5);
+                weight += yellow;
+            }
+        }
+        ASSERT_GT(weight, 100);
+        EXPECT_NEAR(sum / weight, middle.x(), 0.2) << notches;  // the halo lies a pixel to the right, and is dark
+    }
+}
+
+TEST(ScaleBar, IsARoundLengthThatFits) {
+    EXPECT_DOUBLE_EQ(scaleBarLength(2, 160), 50);   // 80 mm would fit
+    EXPECT_DOUBLE_EQ(scaleBarLength(2, 40), 20);    // exactly
+    EXPECT_DOUBLE_EQ(scaleBarLength(10, 160), 10);  // 16 mm would fit
+    EXPECT_DOUBLE_EQ(scaleBarLength(1000, 160), 0.1);
+    EXPECT_DOUBLE_EQ(scaleBarLength(0, 160), 0);
 }
 
 TEST_F(ImageViewTest, TheKeyRBringsTheAutomaticWindowBack) {
