@@ -1,0 +1,68 @@
+// CaseState: all that the desktop shows of a case, as one value. It is never changed: an edit makes a new one, which
+// shares with the old whatever it does not touch (images, volumes and meshes are behind pointers to const), so that a
+// state costs little, undoing is going back to one, and a job on another thread may keep the one that it was given.
+//
+// Frames as in core/geometry/frames.h; mm, rad.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/image/image.h"
+#include "core/image/volume.h"
+#include "core/imaging/carm.h"
+#include "core/imaging/carm_position.h"
+
+namespace fluorocut::ui {
+
+// A picture, and where the bone was in it.
+struct TakenImage {
+    std::shared_ptr<const Image> image;
+    std::optional<Pose> imager_from_femur;
+    std::string unregistered_because;  // when there is no pose
+    double registration_mm = 0;        // rms of what the pose was found with
+};
+
+// One C-arm pose: a row of the spreadsheet.
+struct CaseView {
+    std::string name;  // "AP"
+    CArmPosition position;
+    CArm carm;
+    TakenImage before;
+    std::vector<TakenImage> after;  // one for every cut so far
+};
+
+struct ImplantPlan {
+    std::string family, size;                  // as core/planning knows them
+    std::shared_ptr<const TriangleMesh> mesh;  // frame `cavity`; null: none is chosen
+    Rigid3 femur_from_implant;
+    double cutter_radius_mm = 3;
+    std::vector<double> insets_mm;                              // of the stages, falling to 0
+    std::vector<std::shared_ptr<const TriangleMesh>> cavities;  // of the stages; empty: not worked out for this plan
+};
+
+enum class MeasureKind { length, angle };
+
+// Between points on one image, at the depth of its plane (core/planning/measures.h).
+struct PlacedMeasure {
+    MeasureKind kind = MeasureKind::length;
+    std::size_t view = 0;
+    std::vector<Vector2> points_px;  // two, or four: two lines
+};
+
+struct CaseState {
+    std::string patient, side;
+    std::string calibrated_utc;        // empty: not calibrated
+    std::shared_ptr<const Volume> ct;  // null: none
+    double mu_water_per_mm = 0.02;
+    std::vector<CaseView> views;
+    ImplantPlan plan;
+    std::vector<PlacedMeasure> measures;
+    std::vector<Pose> found_cavities;  // femur_from_cavity after each cut, with covariance
+};
+
+}  // namespace fluorocut::ui
