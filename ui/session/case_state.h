@@ -23,8 +23,9 @@ namespace fluorocut::ui {
 struct TakenImage {
     std::shared_ptr<const Image> image;
     std::optional<Pose> imager_from_femur;
-    std::string unregistered_because;  // when there is no pose
-    double registration_mm = 0;        // rms of what the pose was found with
+    std::string unregistered_because;           // when there is no pose
+    double registration_mm = 0;                 // rms of what the pose was found with
+    std::optional<Pose> imager_from_corkscrew;  // where the fiducial was seen
 };
 
 // One C-arm pose: a row of the spreadsheet.
@@ -45,6 +46,11 @@ struct ImplantPlan {
     std::vector<std::shared_ptr<const TriangleMesh>> cavities;  // of the stages; empty: not worked out for this plan
 };
 
+// The middle of the femur's canal, in `femur`.
+struct CanalAxis {
+    Vector3 distal, proximal;
+};
+
 enum class MeasureKind { length, angle };
 
 // Between points on one image, at the depth of its plane (core/planning/measures.h).
@@ -59,6 +65,9 @@ struct CaseState {
     std::string calibrated_utc;        // empty: not calibrated
     std::shared_ptr<const Volume> ct;  // null: none
     double mu_water_per_mm = 0.02;
+    std::optional<CanalAxis> canal;
+    std::vector<Vector3> beads;                   // on the femur, frame `femur`
+    std::vector<std::vector<Vector3>> corkscrew;  // the lines of its wires, frame `corkscrew`
     std::vector<CaseView> views;
     ImplantPlan plan;
     std::vector<PlacedMeasure> measures;
