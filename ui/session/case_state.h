@@ -16,6 +16,7 @@
 #include "core/image/volume.h"
 #include "core/imaging/carm.h"
 #include "core/imaging/carm_position.h"
+#include "core/planning/implant.h"
 
 namespace fluorocut::ui {
 
@@ -39,8 +40,11 @@ struct CaseView {
 
 struct ImplantPlan {
     std::string family, size;                  // as core/planning knows them
+    double head_mm = 32, neck_mm = 0;          // the head's diameter, and what it adds to the neck's length
     std::shared_ptr<const TriangleMesh> mesh;  // frame `cavity`; null: none is chosen
+    std::shared_ptr<const Implant> implant;    // whose stem the mesh is; null: nothing but the mesh is known
     Rigid3 femur_from_implant;
+    bool locked = false;  // cutting goes by it: nothing of it may be changed
     double cutter_radius_mm = 3;
     std::vector<double> insets_mm;                              // of the stages, falling to 0
     std::vector<std::shared_ptr<const TriangleMesh>> cavities;  // of the stages; empty: not worked out for this plan
@@ -60,6 +64,12 @@ struct PlacedMeasure {
     std::vector<Vector2> points_px;  // two, or four: two lines
 };
 
+// A place of the body, where it was clicked in one image.
+struct SeenPoint {
+    std::size_t view = 0;
+    Vector2 at_px = Vector2::Zero();
+};
+
 struct CaseState {
     std::string patient, side;
     std::string calibrated_utc;        // empty: not calibrated
@@ -71,7 +81,8 @@ struct CaseState {
     std::vector<CaseView> views;
     ImplantPlan plan;
     std::vector<PlacedMeasure> measures;
-    std::vector<Pose> found_cavities;  // femur_from_cavity after each cut, with covariance
+    std::vector<SeenPoint> head_center;  // of the femur's own head, at most one click in each view
+    std::vector<Pose> found_cavities;    // femur_from_cavity after each cut, with covariance
 };
 
 }  // namespace fluorocut::ui

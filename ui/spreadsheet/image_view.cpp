@@ -197,6 +197,7 @@ void ImageView::paintEvent(QPaintEvent*) {
         painter.drawImage(QRectF(-0.5, -0.5, image_->width(), image_->height()), shown_);
         painter.restore();
         paintOverlay(painter, overlay_, widgetFromImage());
+        if (tool_) paintOverlay(painter, tool_->overlay(*this), widgetFromImage());
         paintOverlay(painter, passing_, widgetFromImage());
         paintCorners(painter);
     }
@@ -319,6 +320,10 @@ void ImageView::wheelEvent(QWheelEvent* event) {
 }
 
 void ImageView::keyPressEvent(QKeyEvent* event) {
+    if (image_ && tool_ && tool_->key(*this, event->key(), event->modifiers())) {
+        update();
+        return;
+    }
     if (!image_ || event->modifiers() != Qt::NoModifier) {
         QWidget::keyPressEvent(event);
         return;

@@ -42,7 +42,11 @@ class ImageView : public QWidget {
     // What the hand is doing (a cursor's epipolar line): drawn last, and cheap to change.
     void setPassingOverlay(Overlay overlay);
     // Not owned; null: none.
-    void setTool(ViewTool* tool) { tool_ = tool; }
+    void setTool(ViewTool* tool) {
+        tool_ = tool;
+        update();
+    }
+    ViewTool* tool() const { return tool_; }
 
     const std::shared_ptr<const Image>& image() const { return image_; }
     const QString& title() const { return title_; }

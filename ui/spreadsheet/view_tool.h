@@ -8,6 +8,7 @@
 #include <Qt>
 
 #include "core/geometry/rigid3.h"
+#include "ui/spreadsheet/overlay.h"
 
 namespace fluorocut::ui {
 
@@ -29,6 +30,18 @@ class ViewTool {
     virtual void release(ImageView& view, const Touch& touch) = 0;
     // No button is pressed; what the cursor should look like.
     virtual Qt::CursorShape hover(ImageView& view, const Touch& touch) = 0;
+    // A key while the view has the focus (a Qt::Key); Escape during a drag ends it. False: not mine.
+    virtual bool key(ImageView& view, int key, Qt::KeyboardModifiers modifiers);
+    // What the hand may take hold of, drawn above the view's own overlay. Asked for with every painting: quick.
+    virtual Overlay overlay(const ImageView& view) const;
 };
+
+inline bool ViewTool::key(ImageView&, int, Qt::KeyboardModifiers) {
+    return false;
+}
+
+inline Overlay ViewTool::overlay(const ImageView&) const {
+    return {};
+}
 
 }  // namespace fluorocut::ui

@@ -196,9 +196,13 @@ class Recorder : public ViewTool {
     void drag(ImageView&, const Touch& touch) override { at.push_back(touch.at_px); }
     void release(ImageView&, const Touch&) override { ++released; }
     Qt::CursorShape hover(ImageView&, const Touch&) override { return Qt::SizeAllCursor; }
+    bool key(ImageView&, int key, Qt::KeyboardModifiers) override { return key == Qt::Key_F && ++keys; }
+    Overlay overlay(const ImageView&) const override {
+        return {{{Ink::handle, {{20, 20}, {20, 80}}, false, false}}, {}};
+    }
 
     std::vector<Vector2> at;
-    int released = 0;
+    int released = 0, keys = 0;
 };
 
 TEST_F(ImageViewTest, AToolTakesTheLeftButtonFirst) {
@@ -212,6 +216,24 @@ TEST_F(ImageViewTest, AToolTakesTheLeftButtonFirst) {
     test::drag(view_, {300, 100}, {340, 100});                        // not the tool's
     EXPECT_NE(view_.displayWindow(), window);
     EXPECT_EQ(tool.released, 1);
+}
+
+TEST_F(ImageViewTest, AToolTakesKeysFirstAndIsDrawnAboveTheImage) {
+    Recorder tool;
+    view_.setDisplayWindow({5000, 1});  // black
+    const auto handle = [&] {
+        return qRed(view_.grab().toImage().pixel(view_.widgetFromImage(QPointF(20, 50)).toPoint()));
+    };
+    EXPECT_LT(handle(), 30);
+    view_.setTool(&tool);
+    EXPECT_GT(handle(), 150);
+    test::turnWheel(view_, {100, 100}, 2);
+    const double zoomed = view_.zoom();
+    QTest::keyClick(&view_, Qt::Key_F);  // the tool's: does not fit
+    EXPECT_EQ(tool.keys, 1);
+    EXPECT_EQ(view_.zoom(), zoomed);
+    QTest::keyClick(&view_, Qt::Key_I);  // not the tool's
+    EXPECT_TRUE(view_.isInverted());
 }
 
 // The drawn contour against the place that was asked for, on the screen.
