@@ -20,7 +20,7 @@
 // not fit the next cavity, and when a view contradicts the others.
 //
 // Steps that only calculate (register, plan, locate, correct) are pure: the same content gives the same result, bit for
-// bit, so that a case can be recomputed (recompute()).
+// bit, so that a case can be recomputed (recompute.h). What the results hold: step_results.h.
 #pragma once
 
 #include <cstdint>
@@ -69,18 +69,24 @@ class Procedure {
   public:
     // Writes the setup into a new case.
     static Result<Procedure> begin(CaseStore store, const ProcedureSetup& setup, ProcedureEquipment equipment);
-    // Of a case in which one was begun.
+    // Of a case in which one was begun. Without equipment only what calculates can be run.
     static Result<Procedure> resume(CaseStore store, ProcedureEquipment equipment);
 
     const ProcedureSetup& setup() const;
+    const CaseStore& store() const;
     std::vector<StepStanding> steps() const;
     // The first that is not accepted; nothing: the procedure is done.
     std::optional<ProcedureStep> next() const;
+    // The outcome that waits for a judgement: next() has been done, maybe before this program was started.
+    Result<std::optional<Outcome>> pending() const;
 
-    // Does next() and writes it into the case. noSolution: it could not be done; nothing is written.
+    // Does next() and writes it into the case. invalidOption: it has been done and waits for a judgement. noSolution:
+    // it could not be done; no step is written (of a cut that was interrupted, its trace is).
     Result<Outcome> run(Progress& progress = Progress::none());
-    // Judges the newest outcome. For a time-out, accepting confirms every item that it shows.
+    // Judges the outcome that waits. For a time-out, accepting confirms every item that it shows.
     Result<void> decide(bool accept, const std::string& who, const std::string& why);
+    // An accepted step is no longer believed (images that turn out blurred): it is done again, and what rests on it.
+    Result<void> withdraw(const ProcedureStep& step, const std::string& who, const std::string& why);
 
     Procedure(Procedure&&) noexcept;
     Procedure& operator=(Procedure&&) noexcept;

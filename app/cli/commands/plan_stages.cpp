@@ -20,6 +20,9 @@
 #include "core/io/pose_file.h"
 #include "core/planning/cavity.h"
 #include "core/planning/containment.h"
+#include "core/procedure/setup.h"
+#include "core/procedure/stage_plan.h"
+#include "core/procedure/surface_error.h"
 
 namespace fluorocut::cli {
 namespace {
@@ -43,29 +46,11 @@ struct Options {
     double most_tilt_deg = 0;
 };
 
-struct Stage {
-    Cavity cavity;
-    double inset_mm = 0;
-    CheckedToolPath path;
-};
-
 struct Plan {
     std::optional<double> asked_mm;  // the first inset that the uncertainty asks for
-    std::vector<Stage> stages;       // the last one is the final cavity
+    std::vector<PlannedCut> stages;  // the last one is the final cavity
     std::vector<std::string> warnings;
 };
-
-Result<void> checkInsets(const std::vector<double>& insets_mm) {
-    const std::string expected = fmt::format("insets that fall to 0, the first at most {:g} mm", kMostInset_mm);
-    for (std::size_t n = 0; n < insets_mm.size(); ++n) {
-        const double next = n + 1 < insets_mm.size() ? insets_mm[n + 1] : -1;
-        if (!(insets_mm[n] > next && insets_mm[n] >= 0 && insets_mm[n] <= kMostInset_mm))
-            return invalidOption("--insets-mm", fmt::format("{:g} in place {}", insets_mm[n], n + 1), expected);
-    }
-    if (!insets_mm.empty() && insets_mm.back() != 0)
-        return invalidOption("--insets-mm", fmt::format("{:g} at the end", insets_mm.back()), expected);
-    return {};
-}
 
 // How sure one is of where the cavity will lie: femur_from_cavity's own covariance and that of the registration, in the
 // frame of the outermost of them. Without a covariance in either: nothing. One without counts as exact beside the
@@ -77,31 +62,6 @@ std::optional<Pose> uncertainPose(const Pose& femur_from_cavity, const std::opti
     };
     if (!femur_from_cavity.covariance && !(registration && registration->covariance)) return std::nullopt;
     return registration ? exact(*registration) * exact(femur_from_cavity) : femur_from_cavity;
-}
-
-double insetAskedFor(const Cavity& final, const Pose& place, double probability) {
-    std::vector<SurfacePoint> walls;
-    for (const SurfacePoint& point : surfacePoints(final.mesh)) {
-        if (point.position.z() >= final.top_mm - 1e-6) continue;  // the opening
-        walls.push_back({place.target_from_source * point.position, place.target_from_source.rotate(point.normal)});
-    }
-    ContainmentOptions options;
-    options.probability = probability;
-    return containedInset(walls, place.target_from_source.translation(), *place.covariance, options);
-}
-
-// The cavity, and a path that both checks let pass through the cavity's own mesh.
-Result<Stage> planStage(const Cavity& final, double inset_mm, const ToolPathOptions& options, Progress& progress) {
-    SubProgress shaping(progress, 0, 0.2), routing(progress, 0.2, 0.6), checking(progress, 0.6, 1);
-    Result<Cavity> cavity = insetCavity(final, inset_mm, shaping);
-    if (!cavity) return cavity.error();
-    Result<ToolPath> path = planToolPath(cavity->field, cavity->mesh, cavity->top_mm, options, routing);
-    if (!path) return path.error();
-    const Result<TriangleMesh> envelope = openedUpward(cavity->mesh, options.openPlane(cavity->top_mm));
-    if (!envelope) return envelope.error();
-    Result<CheckedToolPath> checked = checkToolPath(std::move(*path), options.cutter, *envelope, {}, checking);
-    if (!checked) return checked.error();
-    return Stage{std::move(*cavity), inset_mm, std::move(*checked)};
 }
 
 // A mesh as it stands, or a stem of the library or of an implant's file, of which what is below the resection counts.
@@ -130,7 +90,7 @@ Result<Plan> planStages(const Options& options, const TriangleMesh& implant, con
     plan.warnings = final->warnings;
     std::vector<double> insets = options.insets_mm;
     if (place) {
-        plan.asked_mm = insetAskedFor(*final, *place, options.probability);
+        plan.asked_mm = insetFor(wallPoints(final->mesh, final->top_mm), *place, options.probability);
         if (insets.empty() && !(*plan.asked_mm <= kMostInset_mm)) {
             return noSolution(
                 "the first stage", fmt::format("covariances that ask for an inset of {:.1f} mm", *plan.asked_mm),
@@ -157,7 +117,7 @@ Result<Plan> planStages(const Options& options, const TriangleMesh& implant, con
     for (std::size_t n = 0; n < insets.size(); ++n) {
         const double from = 0.3 + share * static_cast<double>(n);
         SubProgress part(progress, from, from + share);
-        Result<Stage> stage = planStage(*final, insets[n], options.path, part);
+        Result<PlannedCut> stage = planCut(*final, insets[n], options.path, part);
         if (!stage) {
             Error error = stage.error();
             error.where = fmt::format("stage {} of {}: {}", n + 1, insets.size(), error.where);
@@ -228,7 +188,7 @@ Result<void> writePlan(const fs::path& folder, const Plan& plan, const Json& jso
 Result<Report> run(Options options, Progress& progress) {
     if (options.insets_mm.empty() && !(options.stages >= 1))
         return invalidOption("--stages", fmt::format("{}", options.stages), "1 or more");
-    if (auto ok = checkInsets(options.insets_mm); !ok) return ok.error();
+    if (auto ok = checkInsets("--insets-mm", options.insets_mm); !ok) return ok.error();
     if (auto ok = requireNewFolder(options.output); !ok) return ok.error();
     options.cavity.top_mm = options.top_mm;
     if (auto ok = options.cavity.validate(); !ok) return ok.error();

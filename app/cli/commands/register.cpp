@@ -9,6 +9,7 @@
 #include "app/cli/commands/list.h"
 #include "app/cli/files.h"
 #include "core/io/image_file.h"
+#include "core/procedure/chain_measurement.h"
 
 namespace fluorocut::cli {
 
@@ -30,40 +31,25 @@ Result<std::vector<std::string>> partsOf(const std::string& option, const std::s
     return parts;
 }
 
-Result<FemurView> beadViewOf(const BeadImage& files, const BeadLayout& layout, bool bright, Pictures& before,
-                             Progress& progress) {
-    FemurView view;
-    view.name = files.image;
+Result<PictureOfImager> pictureOf(const BeadImage& files, Pictures& before) {
     Result<CArm> carm = readImager(files.carm);
     if (!carm) return carm.error();
-    view.carm = std::move(*carm);
     Result<ImageFile> file = readImage(files.image, {.frame = files.frame});
     if (!file) return file.error();
-    if (file->info.width != view.carm.columns || file->info.height != view.carm.rows) {
+    if (file->info.width != carm->columns || file->info.height != carm->rows) {
         return invalidInput(files.image, fmt::format("{} x {} pixels", file->info.width, file->info.height),
-                            fmt::format("the {} x {} of {}", view.carm.columns, view.carm.rows, files.carm),
+                            fmt::format("the {} x {} of {}", carm->columns, carm->rows, files.carm),
                             "give each image the C-arm that it was taken with");
     }
     if (const Result<void> good = before.add(files.image, file->image); !good) return good.error();
-    // A bead in a femur lies between half way to the detector and the detector.
-    double least = layout.beads.front().diameter_mm, most = least;
-    for (const Bead& bead : layout.beads) {
-        least = std::min(least, bead.diameter_mm);
-        most = std::max(most, bead.diameter_mm);
-    }
-    const double pixel_mm = view.carm.pixel_mm.mean();
-    BeadDetectionOptions detection;
-    detection.bright = bright;
-    detection.least_diameter_px = std::clamp(0.8 * least / pixel_mm, 2.0, 100.0);
-    detection.most_diameter_px = std::clamp(2.5 * most / pixel_mm, 2 * detection.least_diameter_px, 300.0);
-    Result<BeadDetections> beads = detectBeads(file->image, detection, progress);
-    if (!beads) {
-        Error error = beads.error();
-        error.where = files.image + ", " + error.where;
-        return error;
-    }
-    view.detections = std::move(beads->beads);
-    return view;
+    return PictureOfImager{std::move(file->image), std::move(*carm)};
+}
+
+Result<FemurView> beadViewOf(const BeadImage& files, const BeadLayout& layout, bool bright, Pictures& before,
+                             Progress& progress) {
+    const Result<PictureOfImager> picture = pictureOf(files, before);
+    if (!picture) return picture.error();
+    return fluorocut::beadViewOf(files.image, picture->image, picture->carm, layout, bright, progress);
 }
 
 Result<std::vector<NamedPoint>> pointsOf(const std::vector<std::string>& texts) {

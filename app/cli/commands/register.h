@@ -26,6 +26,14 @@ struct BeadImage {
     int frame = 1;
 };
 
+struct PictureOfImager {
+    Image image;
+    CArm carm;
+};
+
+// An image of its C-arm's size, that is not the same as one before.
+Result<PictureOfImager> pictureOf(const BeadImage& files, Pictures& before);
+
 // Shadows of beads of the layout's sizes in an image of a patient, that is not the same as one before.
 Result<FemurView> beadViewOf(const BeadImage& image, const BeadLayout& layout, bool bright, Pictures& before,
                              Progress& progress);

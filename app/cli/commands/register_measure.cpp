@@ -1,5 +1,4 @@
 // The measurements of a chain: from a file of poses, or from images that show corkscrew and beads together.
-#include <map>
 #include <set>
 
 #include <CLI/CLI.hpp>
@@ -9,10 +8,9 @@
 #include "app/cli/files.h"
 #include "app/cli/options.h"
 #include "core/base/units.h"
-#include "core/fiducial/corkscrew_pose.h"
-#include "core/io/image_file.h"
 #include "core/io/pose_file.h"
 #include "core/io/resources.h"
+#include "core/procedure/chain_measurement.h"
 
 namespace fluorocut::cli {
 namespace {
@@ -34,53 +32,6 @@ Result<std::vector<ViewFiles>> filesOf(const std::vector<std::string>& views) {
     return files;
 }
 
-// Parameters by name, each once, with what is known of it.
-class Parameters {
-  public:
-    explicit Parameters(std::vector<SharedParameter>& list) : list_(list) {}
-
-    std::size_t of(const SharedParameter& parameter) {
-        const auto [at, is_new] = known_.try_emplace(parameter.name, list_.size());
-        if (is_new) list_.push_back(parameter);
-        return at->second;
-    }
-    // The first three of every image's evidence: those of one C-arm file are the same.
-    std::vector<std::size_t> ofImager(const std::string& carm, const BeadUncertainty& known) {
-        return {of({"focal length of " + carm, "focal length", known.focal_length}),
-                of({"image centre u of " + carm, "image centre", known.principal_point_px}),
-                of({"image centre v of " + carm, "image centre", known.principal_point_px})};
-    }
-
-  private:
-    std::vector<SharedParameter>& list_;
-    std::map<std::string, std::size_t> known_;
-};
-
-// The corkscrew's pose with the errors that are this image's alone; how it follows the shared ones is the evidence's.
-Result<PoseMeasurement> seenCorkscrew(const ViewFiles& files, const CArm& carm, const CorkscrewLayout& layout,
-                                      Measured& result, Progress& progress) {
-    const Result<ImageFile> image = readImage(files.image);
-    if (!image) return image.error();
-    CorkscrewPoseOptions options;
-    options.calibration.focal_length = options.calibration.principal_point_mm = options.calibration.dimensions_mm = 0;
-    const Result<CorkscrewPose> pose = estimateCorkscrewPose(image->image, carm, layout, options, progress);
-    if (!pose) {
-        Error error = pose.error();
-        error.where = files.image + ", " + error.where;
-        return error;
-    }
-    for (Judgement judgement : pose->acceptance) {
-        judgement.what = "corkscrew in " + files.image + ", " + judgement.what;
-        result.acceptance.push_back(std::move(judgement));
-    }
-    for (const std::string& warning : pose->warnings)
-        result.warnings.push_back("Corkscrew in " + files.image + ": " + warning);
-    PoseMeasurement seen;
-    seen.pose = pose->imager_from_corkscrew;
-    seen.sensitivity = pose->evidence.sensitivity();
-    return seen;
-}
-
 Result<Measured> fromImages(const ChainInput& input, Progress& progress) {
     const Result<std::vector<ViewFiles>> files = filesOf(input.views);
     if (!files) return files.error();
@@ -88,79 +39,44 @@ Result<Measured> fromImages(const ChainInput& input, Progress& progress) {
     if (!corkscrew_file) return corkscrew_file.error();
     const Result<CorkscrewLayout> corkscrew = readCorkscrew(*corkscrew_file);
     if (!corkscrew) return corkscrew.error();
-    const std::vector<std::string> dimensions = corkscrewParameters(*corkscrew);
     const Result<BeadLayout> beads = readBeadLayout(input.beads);
     if (!beads) return beads.error();
     const Result<Pose> mount = readPose(input.flange_from_corkscrew, Frame::flange, Frame::corkscrew);
     if (!mount) return mount.error();
-    BeadUncertainty known = input.uncertainty;
-    known.focal_length = input.focal_percent / 100;
+    ChainMeasurementOptions options;
+    options.beads = input.uncertainty;
+    options.beads.focal_length = input.focal_percent / 100;
+    options.corkscrew_mm = input.dimensions_mm;
+    options.bright_beads = input.bright;
 
     Measured measured;
     RegistrationFile& result = measured.file;
     result.inputs = {*corkscrew_file, input.beads, input.flange_from_corkscrew};
-    ChainProblem& problem = result.problem;
-    problem.flange_from_corkscrew = *mount;
-    Parameters parameters(problem.parameters);
-    std::vector<FemurView> femur_views;
+    std::vector<ChainImage> images;
     Pictures pictures;
-    for (std::size_t i = 0; i < files->size(); ++i) {
-        const ViewFiles& view_files = (*files)[i];
-        for (const std::string& file : {view_files.image, view_files.carm, view_files.robot})
+    for (const ViewFiles& view : *files) {
+        for (const std::string& file : {view.image, view.carm, view.robot})
             result.inputs.emplace_back(file);
-        const double part = 0.8 / static_cast<double>(files->size()), from = part * static_cast<double>(i);
-        SubProgress looking(progress, from, from + 0.6 * part), detecting(progress, from + 0.6 * part, from + part);
-        ChainView view;
-        view.name = view_files.image;
-        Result<Pose> robot = readPose(view_files.robot, Frame::robot, Frame::flange);
+        Result<Pose> robot = readPose(view.robot, Frame::robot, Frame::flange);
         if (!robot) return robot.error();
-        view.robot_from_flange = *robot;
         if (!robot->covariance) {
             Vector6 sigma;
             sigma << Vector3::Constant(input.robot.place_mm),
                 Vector3::Constant(radiansFromDegrees(input.robot.rotation_deg));
-            view.robot_from_flange.covariance = sigma.cwiseAbs2().asDiagonal();
+            robot->covariance = sigma.cwiseAbs2().asDiagonal();
         }
-        Result<FemurView> femur =
-            beadViewOf({view_files.image, view_files.carm}, *beads, input.bright, pictures, detecting);
-        if (!femur) return femur.error();
-        Result<PoseMeasurement> seen = seenCorkscrew(view_files, femur->carm, *corkscrew, measured, looking);
-        if (!seen) return seen.error();
-        view.imager_from_corkscrew = std::move(*seen);
-        view.imager_from_corkscrew.parameters = parameters.ofImager(view_files.carm, known);
-        for (std::size_t k = 3; k < dimensions.size(); ++k) {
-            // A phase counts as far as it moves the wire.
-            const bool angle = dimensions[k].find("phase") != std::string::npos;
-            view.imager_from_corkscrew.parameters.push_back(
-                parameters.of({"corkscrew: " + dimensions[k], "corkscrew's dimensions",
-                               angle ? input.dimensions_mm / corkscrew->helix.radius_mm : input.dimensions_mm, false}));
-        }
-        problem.views.push_back(std::move(view));
-        femur_views.push_back(std::move(*femur));
+        Result<PictureOfImager> picture = pictureOf({view.image, view.carm}, pictures);
+        if (!picture) return picture.error();
+        images.push_back(
+            {view.image, std::move(picture->image), std::move(picture->carm), view.carm, view.carm, *robot});
         result.times.emplace_back();
     }
-    FemurBeadOptions registration;
-    registration.uncertainty = known;
-    SubProgress solving(progress, 0.8, 1);
-    const Result<FemurBeads> femur = registerBeads(femur_views, *beads, registration, solving);
-    if (!femur) return femur.error();
-    if (!femur->rejected.empty())
-        return noSolution("beads", femur->rejected.front(), "the femur's beads in every view");
-    measured.warnings.insert(measured.warnings.end(), femur->warnings.begin(), femur->warnings.end());
-    measured.acceptance.insert(measured.acceptance.end(), femur->acceptance.begin(), femur->acceptance.end());
-    const std::vector<std::string> names = beadParameters(*beads);
-    for (std::size_t i = 0; i < problem.views.size(); ++i) {
-        const FemurViewPose& pose = femur->views[i];
-        std::vector<std::size_t> shared = parameters.ofImager((*files)[i].carm, known);
-        for (std::size_t k = 3; k < names.size(); ++k)
-            shared.push_back(parameters.of({names[k], "places of the beads", known.bead_mm, false}));
-        problem.views[i].imager_from_femur =
-            measurementOf(Frame::imager, Frame::femur, pose.evidence, pose.noise_covariance, std::move(shared));
-    }
-    Vector3 middle = Vector3::Zero();
-    for (const Bead& bead : beads->beads)
-        middle += bead.center_mm / static_cast<double>(beads->beads.size());
-    result.points = {{"beads' middle", middle}};
+    Result<ChainMeasurement> chain = measureChain(images, *corkscrew, *beads, *mount, options, progress);
+    if (!chain) return chain.error();
+    result.problem = std::move(chain->problem);
+    result.points = {{"beads' middle", chain->beads_middle}};
+    measured.warnings = std::move(chain->warnings);
+    measured.acceptance = std::move(chain->acceptance);
     return measured;
 }
 
