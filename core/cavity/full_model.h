@@ -1,8 +1,7 @@
-// The images of a cut femur as a function of where the cavity lies, and their fit: the method `full` of
-// cavity_location.h. One View per after-image.
+// The fit of all after-images at once (core/cavity/view_model.h) to where the cavity lies: the method `full` of
+// cavity_location.h. Gauss-Newton over the cavity's pose and every view's own unknowns, from coarse to fine.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <vector>
 
@@ -12,8 +11,15 @@
 
 namespace fluorocut::cavity {
 
+// What is in the place of the bone: attenuation (1/mm) and how well it is known. Air to fluid: a cavity.
+struct Content {
+    double mu_per_mm = 0;
+    double sigma_per_mm = 0.02;
+};
+
 Result<CavityLocation> locateByFullModel(const std::vector<CavityView>& views, const TriangleMesh& mesh,
                                          const Rigid3& planned_femur_from_cavity, std::shared_ptr<const Volume> ct,
-                                         const CavityLocationOptions& options, Progress& progress);
+                                         const CavityLocationOptions& options, Progress& progress,
+                                         const Content& content = {});
 
 }  // namespace fluorocut::cavity

@@ -22,6 +22,7 @@ std::optional<Region> regionOf(const CArm& carm, const TriangleMesh& mesh, const
         return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(most)));
     };
     Region region;
+    region.px_per_mm = carm.focal_length_mm / depth / carm.pixel_mm.mean();
     region.x = clip(low.x() - margin.x(), carm.columns);
     region.y = clip(low.y() - margin.y(), carm.rows);
     // Whole blocks of the coarsest level.

@@ -17,6 +17,7 @@ inline constexpr int kSlow = (kDegree + 1) * (kDegree + 2) / 2;
 // The image's pixels around the cavity's shadow.
 struct Region {
     int x = 0, y = 0, width = 0, height = 0;
+    double px_per_mm = 0;  // of what lies as deep as the cavity
 };
 
 // With `margin_mm` around it at the cavity, of whole blocks of `block_px`; nothing when it is too small or not in front
