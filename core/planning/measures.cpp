@@ -134,6 +134,19 @@ Measure angleInDetector(const CArm& carm, const Vector2& vertex, const Vector2& 
     return measure;
 }
 
+Measure angleBetweenLines(const CArm& carm, const Vector2& a0, const Vector2& a1, const Vector2& b0, const Vector2& b1,
+                          double sigma_px) {
+    Measure measure = propagated(
+        [](const Eigen::VectorXd& x) {
+            const Vector2 p = x.segment<2>(2) - x.head<2>(), q = x.tail<2>() - x.segment<2>(4);
+            return std::abs(std::atan2(p.x() * q.y() - p.y() * q.x(), p.dot(q)));
+        },
+        stacked(carm, {a0, a1, b0, b1}), clickCovariance(carm, 4, sigma_px), even(8, kStepMm));
+    measure.unit = "rad";
+    measure.plane = "in the detector plane";
+    return measure;
+}
+
 Result<PointsInSpace> pointsInSpace(const std::vector<View>& views, const std::vector<std::vector<Vector2>>& pixels,
                                     double sigma_px) {
     PointsInSpace result;

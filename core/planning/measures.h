@@ -42,6 +42,10 @@ Measure distanceAtDepth(const CArm& carm, const Vector2& a, const Vector2& b, do
                         double depth_sigma_mm);
 // At the vertex between the directions to a and to b, in [0, pi]; the same in every plane parallel to the detector.
 Measure angleInDetector(const CArm& carm, const Vector2& vertex, const Vector2& a, const Vector2& b, double sigma_px);
+// Between two lines, each from its first click to its second, in [0, pi]; the same in every plane parallel to the
+// detector.
+Measure angleBetweenLines(const CArm& carm, const Vector2& a0, const Vector2& a1, const Vector2& b0, const Vector2& b1,
+                          double sigma_px);
 
 // ---- in space, from two views or more ----
 

@@ -56,6 +56,21 @@ TEST(Measures, ALengthInOneImageBelongsToAPlane) {
     EXPECT_NEAR(along_u.sigma, std::sqrt(2.0) * 0.5 * 0.3, 1e-6);  // errors along v count in the second order only
 }
 
+TEST(Measures, AnAngleBetweenTwoLines) {
+    const CArm carm;
+    // Lines of 100 px and 50 px, 30 degrees apart, wherever they lie: each end's error across its line turns it by
+    // sigma / length, two ends by sqrt(2) times that.
+    const double angle = radiansFromDegrees(30);
+    const Vector2 a0(50, 60), b0(300, 90), along(std::cos(angle), std::sin(angle));
+    const Measure measure = angleBetweenLines(carm, a0, a0 + Vector2(100, 0), b0, b0 + 50 * along, 0.5);
+    EXPECT_NEAR(measure.value, angle, 1e-12);
+    EXPECT_NEAR(measure.sigma, std::sqrt(2.0) * 0.5 * std::hypot(1.0 / 100, 1.0 / 50), 1e-6);
+    EXPECT_EQ(measure.unit, "rad");
+    // The lines have directions: the other way round it is the supplement.
+    EXPECT_NEAR(angleBetweenLines(carm, a0 + Vector2(100, 0), a0, b0, b0 + 50 * along, 0.5).value,
+                std::numbers::pi - angle, 1e-12);
+}
+
 TEST(Measures, AnAngleInOneImage) {
     CArm carm;
     const Vector2 vertex(200, 200), a(300, 200), b(200, 150);
