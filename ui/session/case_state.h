@@ -48,6 +48,7 @@ struct ImplantPlan {
     double cutter_radius_mm = 3;
     std::vector<double> insets_mm;                              // of the stages, falling to 0
     std::vector<std::shared_ptr<const TriangleMesh>> cavities;  // of the stages; empty: not worked out for this plan
+    std::shared_ptr<const std::vector<Vector3>> tool_path;      // of the ball's centre, frame `cavity`; null: none
 };
 
 // The middle of the femur's canal, in `femur`.
@@ -81,8 +82,9 @@ struct CaseState {
     std::vector<CaseView> views;
     ImplantPlan plan;
     std::vector<PlacedMeasure> measures;
-    std::vector<SeenPoint> head_center;  // of the femur's own head, at most one click in each view
-    std::vector<Pose> found_cavities;    // femur_from_cavity after each cut, with covariance
+    std::vector<SeenPoint> head_center;       // of the femur's own head, at most one click in each view
+    std::vector<Pose> found_cavities;         // femur_from_cavity after each cut, with covariance
+    std::optional<Rigid3> femur_from_cutter;  // where the robot says that its cutter is
 };
 
 }  // namespace fluorocut::ui
