@@ -316,4 +316,13 @@ Vector2 Dewarper::distortedPixel(int x, int y) const {
     return {row.u[static_cast<std::size_t>(x)], row.v[static_cast<std::size_t>(x)]};
 }
 
+CArm straightened(const DistortionMap& map, const CArm& carm) {
+    // ideal_px = middle + detector_mm / p, and the C-arm's mm are counted from its principal point c: distortionOf().
+    CArm straight = carm.ideal();
+    straight.pixel_mm = Vector2::Constant(map.pixelMm());
+    straight.principal_point_px =
+        map.middle() + (carm.principal_point_px - map.middle()).cwiseProduct(carm.pixel_mm) / map.pixelMm();
+    return straight;
+}
+
 }  // namespace fluorocut

@@ -49,4 +49,7 @@ class Dewarper {
     std::unique_ptr<const Implementation> implementation_;
 };
 
+// The C-arm whose pixels a dewarped image has: no distortion, the map's square pixels about the image's middle.
+CArm straightened(const DistortionMap& map, const CArm& carm);
+
 }  // namespace fluorocut

@@ -10,12 +10,12 @@
 #include <fmt/format.h>
 
 #include "core/base/units.h"
+#include "core/imaging/projected_error.h"
 
 namespace fluorocut {
 namespace {
 
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
-using Matrix26 = Eigen::Matrix<double, 2, 6>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The ray of a's pixel in b's imager frame: points start + s * step, s in [0, 1] from a's source to a's detector.
@@ -61,33 +61,13 @@ struct Linearized {
     Matrix2 covariance;
 };
 
-// d(distorted pixel) / d(ideal pixel): distortions are smooth over a pixel, so differences over it serve.
-Matrix2 distortionJacobian(const CArm& carm, const Vector2& ideal) {
-    if (!carm.distortion) return Matrix2::Identity();
-    Matrix2 jacobian;
-    for (int axis = 0; axis < 2; ++axis) {
-        const Vector2 half = 0.5 * Vector2::Unit(axis);
-        jacobian.col(axis) = carm.distortedPixel(ideal + half) - carm.distortedPixel(ideal - half);
-    }
-    return jacobian;
-}
-
 Linearized linearize(const Observation& seen, const Vector3& point) {
-    const CArm& carm = seen.view.carm;
-    const Vector3 turned = seen.view.imager_from_world.rotate(point);
-    const Vector3 p = turned + seen.view.imager_from_world.translation();
-    Matrix23 perspective;
-    perspective << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
-    perspective *= carm.focal_length_mm / p.z();
-    const Matrix23 by_imager_point =
-        distortionJacobian(carm, carm.projectIdeal(p)) * carm.pixel_mm.cwiseInverse().asDiagonal() * perspective;
-    Matrix26 by_pose;
-    by_pose << by_imager_point, -by_imager_point * skew(turned);
+    const ProjectionJacobian by = projectionJacobian(seen.view.carm, seen.view.imager_from_world, point);
     Linearized result;
-    result.residual = seen.pixel - carm.project(p);
-    result.by_point = by_imager_point * seen.view.imager_from_world.rotationMatrix();
+    result.residual = seen.pixel - seen.view.carm.project(seen.view.imager_from_world * point);
+    result.by_point = by.point;
     result.covariance =
-        seen.sigma_px * seen.sigma_px * Matrix2::Identity() + by_pose * seen.view.covariance * by_pose.transpose();
+        seen.sigma_px * seen.sigma_px * Matrix2::Identity() + by.pose * seen.view.covariance * by.pose.transpose();
     return result;
 }
 

@@ -53,6 +53,18 @@ void ImageView::setImage(std::shared_ptr<const Image> image, const QString& titl
     update();
 }
 
+void ImageView::replaceImage(std::shared_ptr<const Image> image) {
+    if (!image_ || !image || image->width() != image_->width() || image->height() != image_->height()) {
+        setImage(std::move(image), title_);
+        return;
+    }
+    image_ = std::move(image);
+    message_.clear();
+    progress_.reset();
+    levels_ = GrayLevels(*image_);
+    render();
+}
+
 void ImageView::setMessage(const QString& message, std::optional<double> progress) {
     message_ = message;
     progress_ = progress;

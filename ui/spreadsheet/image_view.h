@@ -34,6 +34,8 @@ class ImageView : public QWidget {
     // Shows the image in its automatic window. `title` stands in a corner. An image of the size of the one before
     // keeps zoom, place and flip (the same view, in another column or state); any other is fitted.
     void setImage(std::shared_ptr<const Image> image, const QString& title);
+    // The same picture, worked out anew: its window stays too.
+    void replaceImage(std::shared_ptr<const Image> image);
     // What the view says while it has no image; progress in [0, 1] is shown as a thin bar.
     void setMessage(const QString& message, std::optional<double> progress = std::nullopt);
     void setMarks(const ViewMarks& marks);
@@ -61,6 +63,7 @@ class ImageView : public QWidget {
     void setMirrored(bool mirrored);
 
     void fit();
+    bool isFitted() const { return fitted_; }
     // Screen pixels for one image pixel.
     double zoom() const { return zoom_; }
     // Zooms so that what lies under `anchor` (in the widget) stays there.
