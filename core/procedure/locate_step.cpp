@@ -67,7 +67,8 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
     result.weak_directions = found->weak_directions;
     for (std::size_t i = 0; i < found->views.size(); ++i) {
         const ViewResidual& view = found->views[i];
-        result.views.push_back({view.name, view.rms_log, view.pose_sigmas, view.evidence, beads->views[i].fre_px});
+        result.views.push_back({view.name, view.rms_log, view.pose_sigmas, view.evidence, beads->views[i].fre_px,
+                                beads->views[i].imager_from_femur});
         if (!(view.pose_sigmas <= options.limits.most_view_sigmas)) {
             result.findings.doubts.push_back(
                 fmt::format("the view {} contradicts the others: its pose had to be changed by {:.1f} standard "

@@ -103,8 +103,8 @@ Result<StepOutput> registerStep(const ProcedureSetup& setup, const StepInputs& i
     const std::vector<double> turns = turnsFromScales(setup, measured->femur);
     for (std::size_t i = 0; i < chain->views.size(); ++i) {
         const ChainViewResult& view = chain->views[i];
-        result.views.push_back(
-            {view.name, view.used, view.residual_mm, view.residual.tail<3>().norm(), view.probability, turns[i]});
+        result.views.push_back({view.name, view.used, view.residual_mm, view.residual.tail<3>().norm(),
+                                view.probability, turns[i], measured->femur.views[i].imager_from_femur});
         if (turns[i] > setup.limits.most_view_turn_rad) {
             result.findings.doubts.push_back(
                 fmt::format("the view {} looks {:.0f} degrees from where the C-arm's scales say; are images exchanged?",

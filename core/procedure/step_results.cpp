@@ -91,6 +91,7 @@ static void describe(Archive& json, RegisteredView& view) {
     json.degrees("residual_deg", view.residual_rad);
     json.number("probability", view.probability);
     json.degrees("turn_from_scales_deg", view.turn_from_scales_rad);
+    json.pose("imager_from_femur", view.imager_from_femur);
 }
 
 template <class Archive>
@@ -176,6 +177,7 @@ static void describe(Archive& json, LocatedView& view) {
     json.number("pose_sigmas", view.pose_sigmas);
     json.number("evidence", view.evidence);
     json.number("beads_px", view.beads_px);
+    json.pose("imager_from_femur", view.imager_from_femur);
 }
 
 template <class Archive>

@@ -54,6 +54,7 @@ struct RegisteredView {
     bool used = true;
     double residual_mm = kUnknown, residual_rad = kUnknown, probability = kUnknown;
     double turn_from_scales_rad = kUnknown;  // between where it looks and where the C-arm's scales say, by the others
+    Pose imager_from_femur;                  // by the beads
 };
 
 struct BudgetShare {
@@ -115,6 +116,7 @@ struct LocatedView {
     std::string name;
     double rms_log = kUnknown, pose_sigmas = kUnknown, evidence = kUnknown;
     double beads_px = kUnknown;  // residual of the femur's beads in it
+    Pose imager_from_femur;      // by the beads
 };
 
 struct LocationResult {
