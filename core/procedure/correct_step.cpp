@@ -39,9 +39,12 @@ Result<CutAndFound> readCut(const ProcedureSetup& setup, int stage, const StepIn
     // The same chain with nothing but the common error in it.
     Pose common = location->femur_from_cut_cavity;
     const ProcedureCalibration& known = setup.calibration;
-    Vector6 sigma;
-    sigma << Vector3::Constant(known.location_sigma_mm), Vector3::Constant(known.location_sigma_rad);
-    common.covariance = Matrix6(sigma.cwiseAbs2().asDiagonal());
+    // Passes leave cusps up to so high on walls and floor, all of them inside the cavity: it seems to end there.
+    const double cusp_mm = setup.plan.path.most_cusp_mm / 2;
+    Vector6 variance;
+    variance << Vector3::Constant(known.location_sigma_mm * known.location_sigma_mm + cusp_mm * cusp_mm),
+        Vector3::Constant(known.location_sigma_rad * known.location_sigma_rad);
+    common.covariance = Matrix6(variance.asDiagonal());
     const Pose exact{Frame::robot, Frame::cavity, cut->robot_from_cavity, Matrix6(Matrix6::Zero())};
     const Matrix6 shared = *(exact * common.inverse()).covariance;
     return CutAndFound{

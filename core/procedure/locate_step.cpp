@@ -50,8 +50,17 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
         view.after_imager_from_femur = beads->views[i].imager_from_femur.target_from_source;
         views.push_back(std::move(view));
     }
-    if (!setup.patient.ct)
-        return noSolution("locate", "no CT", "one", "locating a cavity without a CT is not part of the procedure yet");
+    if (!setup.patient.ct) {
+        // The images before the first cut stand in its place.
+        const Result<StageImages> before = readImages(setup, 0, inputs);
+        if (!before) return before.error();
+        const Result<FemurBeads> poses = posesOf(setup, *before, Progress::none());
+        if (!poses) return poses.error();
+        for (std::size_t i = 0; i < views.size(); ++i) {
+            views[i].before = before->images[i];
+            views[i].before_imager_from_femur = poses->views[i].imager_from_femur.target_from_source;
+        }
+    }
     CavityLocationOptions options;
     options.mu_water_per_mm = setup.patient.mu_water_per_mm;
     const Result<CavityLocation> found =

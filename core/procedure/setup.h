@@ -39,7 +39,9 @@ struct ProcedurePatient {
 
 struct ProcedurePlan {
     std::string implant;  // its name
-    TriangleMesh mesh;    // its stem, or any solid to be milled; frame `cavity`
+    // Its stem, or any solid to be milled; frame `cavity`. Its top (CavityOptions::top_mm) lies a voxel or more above
+    // the bone that is there: a CT can not tell what of a voxel with both bone's end and cavity's end in it is cut.
+    TriangleMesh mesh;
     Rigid3 femur_from_cavity;
     CavityOptions cavity;
     ToolPathOptions path;

@@ -181,6 +181,7 @@ Result<std::vector<StepInput>> inputsOf(const ProcedureStep& step, const CaseCon
             break;
         case StepKind::locate:
             addPlan({k}, {});
+            addImages(0);  // in the place of a CT where there is none
             addImages(k);
             break;
         case StepKind::correct:

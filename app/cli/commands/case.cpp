@@ -8,6 +8,7 @@
 #include "app/cli/commands/list.h"
 #include "core/casestore/case_store.h"
 #include "core/io/atomic_file.h"
+#include "core/procedure/recompute.h"
 
 namespace fluorocut::cli {
 namespace {
@@ -16,6 +17,7 @@ struct Options {
     std::string file;
     std::string known_hash;
     std::string folder;
+    bool recompute = false;
 };
 
 Result<CaseStore> openCase(const Options& options) {
@@ -101,10 +103,29 @@ Result<Report> runInfo(const Options& options) {
     return report;
 }
 
+// Every step that only calculates, again from what lies in the case.
+Result<void> reportRecomputation(const CaseStore& store, Report& report, Progress& progress) {
+    const Result<Recomputation> again = recompute(store, progress);
+    if (!again) return again.error();
+    nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+    for (const RecomputedStep& step : again->steps) {
+        steps.push_back({{"record", step.record}, {"name", step.name}, {"same", step.same}, {"fault", nullptr}});
+        if (step.same) continue;
+        steps.back()["fault"] = step.what;
+        report.line("differs", step.what);
+    }
+    report.json["recomputed"] = std::move(steps);
+    report.line("recomputed", fmt::format("{} steps{}", again->steps.size(),
+                                          again->same() ? ", all with the result that the case has" : ""));
+    report.accepted = report.accepted && again->same();
+    return {};
+}
+
 Result<Report> runVerify(const Options& options, Progress& progress) {
     const Result<CaseStore> store = openCase(options);
     if (!store) return store.error();
-    const Result<CaseCheck> check = store->verify({.known_hash = options.known_hash}, progress);
+    SubProgress checking(progress, 0, options.recompute ? 0.1 : 1), recomputing(progress, 0.1, 1);
+    const Result<CaseCheck> check = store->verify({.known_hash = options.known_hash}, checking);
     if (!check) return check.error();
     Report report;
     report.accepted = check->whole();
@@ -124,6 +145,9 @@ Result<Report> runVerify(const Options& options, Progress& progress) {
     }
     report.line("checked", fmt::format("{} records, {} contents", check->records, check->contents));
     report.line("newest hash", check->newest_hash);
+    if (options.recompute && check->whole()) {
+        if (const Result<void> done = reportRecomputation(*store, report, recomputing); !done) return done.error();
+    }
     return report;
 }
 
@@ -180,6 +204,8 @@ Command declareCase(CLI::App& parent) {
     CLI::App* verify =
         declarePart(*app, "verify",
                     "Compute every hash again; exit code 1 and the first broken record when it was altered", *options);
+    verify->add_flag("--recompute", options->recompute,
+                     "Also calculate registration, plan, locations and corrections again from what lies in the case");
     verify
         ->add_option("--known-hash", options->known_hash,
                      "Newest hash as it was noted elsewhere: one of the records must have it")

@@ -7,7 +7,6 @@
 #include "core/cutting/removal.h"
 #include "core/io/resources.h"
 #include "core/simulation/acrylic_phantom.h"
-#include "core/simulation/calibration_objects.h"
 #include "core/simulation/corkscrew_objects.h"
 #include "core/simulation/truth.h"
 
@@ -40,19 +39,23 @@ Vector3 normals(Random& random, double sigma) {
 Rig::Rig(const RigOptions& options) : options_(options) {
     Random random(options.seed);
     AcrylicOptions acrylic;
-    acrylic.size_mm = {44, 40, 2 * kTop_mm};
+    acrylic.size_mm = {38, 38, 2 * kTop_mm};
     acrylic.voxel_mm = 0.8;
-    block_ = need(generateAcrylicBlock(acrylic)).ct;
+    acrylic.beads = 9;
+    acrylic.bead_diameter_mm = 2.4;
+    AcrylicPhantom block = need(generateAcrylicBlock(acrylic));
+    block_ = std::move(block.ct);
 
     setup_.patient = {"P-1", "left", std::make_shared<const Volume>(block_), 0.02, {}};
-    const Vector3 places[] = {{17, -8, 20}, {-17, 9, 15},  {14, 16, 8},    {-15, -16, 2},
-                              {18, 3, -6},  {-18, 10, -9}, {16, -14, -14}, {-14, 15, -19}};
     setup_.patient.beads.frame = Frame::femur;
-    for (const Vector3& place : places) {
-        setup_.patient.beads.beads.push_back({"b" + std::to_string(setup_.patient.beads.beads.size() + 1), place, 2});
+    for (const Vector3& place : block.bead_centers_mm) {
+        setup_.patient.beads.beads.push_back(
+            {"b" + std::to_string(setup_.patient.beads.beads.size() + 1), place, acrylic.bead_diameter_mm});
     }
     setup_.plan.implant = "cuboid 14";
-    setup_.plan.mesh = box({-7, -7, -16}, {7, 7, 0});
+    // Up into the air: where the mesh ends in the block's own face, a voxel there would be half block and half cavity,
+    // and the part of it that is both is not known.
+    setup_.plan.mesh = box({-7, -7, -16}, {7, 7, 2});
     setup_.plan.femur_from_cavity = Rigid3::fromTranslation({0, 0, kTop_mm});
     setup_.plan.cavity.cutter_radius_mm = setup_.plan.path.cutter.radius_mm = 3;
     setup_.plan.path.cutter.length_mm = 60;
@@ -62,7 +65,7 @@ Rig::Rig(const RigOptions& options) : options_(options) {
 
     // The patient lies a little off; the robot's base stands so that its cutter waits above the block.
     room_options_.nominal_carm.columns = room_options_.nominal_carm.rows = options.pixels;
-    const double pixel_mm = 0.32 * 512 / options.pixels;
+    const double pixel_mm = 210.0 / options.pixels;
     room_options_.nominal_carm.pixel_mm = {pixel_mm, pixel_mm};
     const double middle = 0.5 * (options.pixels - 1);
     room_options_.nominal_carm.principal_point_px = {middle, middle};
@@ -80,7 +83,7 @@ Rig::Rig(const RigOptions& options) : options_(options) {
     calibration.flange_from_cutter = Rigid3::fromTranslation({10, 0, 80});
     Matrix3 upright;  // x of the corkscrew along the block's long axis
     upright << 0, 1, 0, 0, 0, 1, 1, 0, 0;
-    const Rigid3 room_from_corkscrew = Rigid3::fromTranslation({41, 2, -3}) * Rigid3(upright, Vector3::Zero()) *
+    const Rigid3 room_from_corkscrew = Rigid3::fromTranslation({52, 2, -3}) * Rigid3(upright, Vector3::Zero()) *
                                        Rigid3::fromTwistRollPitch(0.4, 0.1, 0.05);
     robot_from_corkscrew_ = room_from_robot_.inverse() * room_from_corkscrew;
     Vector6 off;
@@ -123,9 +126,6 @@ void Rig::restart() {
 
 void Rig::makeRoom() {
     room_ = need(VirtualOperatingRoom::create(std::make_shared<const Volume>(block_), room_options_));
-    HeldObject beads = need(heldBeads("beads", setup_.patient.beads, HeldBy::patient, Rigid3()));
-    beads.displaces = Material::acrylic;
-    if (auto held = room_->hold(std::move(beads)); !held) throw std::logic_error(held.error().message());
     for (HeldObject& part :
          need(heldCorkscrew("corkscrew", setup_.calibration.corkscrew, HeldBy::robot, robot_from_corkscrew_))) {
         if (auto held = room_->hold(std::move(part)); !held) throw std::logic_error(held.error().message());

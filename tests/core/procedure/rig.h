@@ -20,7 +20,7 @@ struct RigOptions {
     // Standard deviations, per axis, of how the corkscrew is mounted against what hand-eye calibration says.
     double mount_mm = 0.3, mount_rad = 0.004;
     bool honest_mount = true;  // otherwise calibration claims a hundredth of it
-    int pixels = 320;
+    int pixels = 420;
 };
 
 class Rig : public ImageSource {
@@ -45,7 +45,6 @@ class Rig : public ImageSource {
     int images_taken = 0;
     bool repeat_last = false;     // hands out the last picture again
     bool exchange_views = false;  // the pictures of the views, the other way round
-    double stale_calibration_h = 1;
 
   private:
     void makeRoom();
