@@ -1,27 +1,98 @@
-// fluorocut: the desktop. Shows the images named on the command line, or simulated views of the built-in femur.
+// fluorocut: the desktop. Opens the files named on the command line, or begins with the start page.
 #include <QApplication>
 #include <QCommandLineParser>
-#include <QPixmap>
-#include <QTimer>
+#include <QLocale>
+#include <QStandardPaths>
+#include <QTemporaryDir>
+#include <QTranslator>
 #include <cstdio>
 
-#include "app/desktop/images.h"
-#include "core/io/atomic_file.h"
+#include "app/desktop/sample_case.h"
+#include "app/desktop/screenshots.h"
+#include "ui/session/session.h"
 #include "ui/shell/main_window.h"
+#include "ui/shell/settings.h"
 #include "ui/shell/theme.h"
 
 namespace {
+
+using namespace fluorocut;
 
 int fail(int exit_code, const QString& sentence) {
     std::fprintf(stderr, "fluorocut: %s\n", qPrintable(sentence));
     return exit_code;
 }
 
-fluorocut::Result<void> saveScreenshot(QWidget& window, const QString& file) {
-    return fluorocut::writeWhole(file.toStdString(), [&](const auto& temporary) -> fluorocut::Result<void> {
-        if (window.grab().save(QString::fromStdString(temporary.string()))) return {};
-        return fluorocut::outputFailed(file.toStdString(), "a picture that cannot be written", "name it .png");
-    });
+std::filesystem::path sampleCache() {
+    const QString folder = QStandardPaths::writableLocation(QStandardPaths::GenericCacheLocation);
+    return (folder + "/fluorocut/sample-" + QApplication::applicationVersion() + ".fluorocut").toStdString();
+}
+
+std::optional<QSize> sizeFrom(const QString& text) {
+    const QStringList parts = text.split('x');
+    const QSize size = parts.size() == 2 ? QSize(parts[0].toInt(), parts[1].toInt()) : QSize();
+    if (size.width() < 320 || size.height() < 240 || size.width() > 8192 || size.height() > 8192) return std::nullopt;
+    return size;
+}
+
+// What is to be photographed: "--screenshot NAME OUT.png", or "[FILES...] --screenshot OUT.png".
+Result<desktop::Screenshot> screenshotFrom(const QCommandLineParser& parser) {
+    desktop::Screenshot shot;
+    shot.files = parser.positionalArguments();
+    shot.file = parser.value("screenshot");
+    if (desktop::screenshotNames().contains(shot.file)) {
+        shot.name = shot.file;
+        if (shot.files.size() != 1)
+            return invalidOption("--screenshot " + shot.name.toStdString(), "no file for the picture",
+                                 "--screenshot " + shot.name.toStdString() + " OUT.png");
+        shot.file = shot.files.takeFirst();
+    } else if (!shot.file.contains('.')) {
+        return invalidOption("--screenshot", shot.file.toStdString(),
+                             "one of " + desktop::screenshotNames().join(", ").toStdString() + ", or a file");
+    }
+    if (parser.isSet("size")) {
+        const auto size = sizeFrom(parser.value("size"));
+        if (!size)
+            return invalidOption("--size", parser.value("size").toStdString(), "WIDTHxHEIGHT, 320x240 to 8192x8192");
+        shot.size = *size;
+    }
+    return shot;
+}
+
+int run(QApplication& application, const QCommandLineParser& parser) {
+    const bool is_picture = parser.isSet("screenshot");
+    Result<desktop::Screenshot> shot = is_picture ? screenshotFrom(parser) : desktop::Screenshot{};
+    if (!shot) return fail(2, QString::fromStdString(shot.error().message()));
+
+    // A picture must not depend on what somebody set before, nor change it.
+    const QTemporaryDir passing;
+    ui::Settings settings(is_picture ? passing.filePath("settings.ini") : ui::Settings::usualFile());
+    if (is_picture) settings.setCaseFolder(passing.filePath("cases"));
+    ui::applyTheme(application, settings.look());
+    QTranslator translator;
+    QString language = is_picture ? QString("en") : settings.language();
+    if (parser.isSet("language")) language = parser.value("language");
+    if (language.isEmpty()) language = QLocale::system().name();
+    if (translator.load("fluorocut_" + language.left(2), ":/translations"))
+        QApplication::installTranslator(&translator);
+
+    ui::Session session;
+    ui::MainWindow window(session, settings,
+                          [cache = sampleCache()](Progress& progress) { return desktop::sampleCase(cache, progress); });
+    int exit_code = 0;
+    if (is_picture) {
+        desktop::takeScreenshot(window, *shot, [&](const Result<void>& taken) {
+            if (!taken)
+                exit_code = fail(taken.error().code == ErrorCode::outputFailed ? 73 : 3,
+                                 QString::fromStdString(taken.error().message()));
+            QApplication::exit(exit_code);
+        });
+    } else if (!parser.positionalArguments().isEmpty()) {
+        window.openFiles(parser.positionalArguments());
+    }
+    window.show();
+    const int left = QApplication::exec();
+    return exit_code != 0 ? exit_code : left;
 }
 
 }  // namespace
@@ -35,50 +106,23 @@ int main(int argc, char** argv) {
     QApplication application(argc, argv);
     QApplication::setApplicationName("fluorocut");
     QApplication::setApplicationVersion(FLUOROCUT_VERSION);
-    fluorocut::ui::applyTheme(application);
 
     QCommandLineParser parser;
     parser.setApplicationDescription("FluoroCut. Research software, not a medical device.");
     parser.addHelpOption();
     parser.addVersionOption();
-    parser.addPositionalArgument("images", "Images to show; without any, simulated views of the built-in femur.",
-                                 "[images...]");
-    const QCommandLineOption screenshot("screenshot", "Save the window as a picture and quit.", "file");
-    parser.addOption(screenshot);
+    parser.addPositionalArgument("files", "Images, a CT, an implant's mesh or a saved case to open.", "[files...]");
+    parser.addOption({"screenshot",
+                      "Save the window as a picture and quit: of the files, or, with one of these names before the "
+                      "picture's file, of the sample case: " +
+                          desktop::screenshotNames().join(", ") + ".",
+                      "file or name"});
+    parser.addOption({"size", "Of the picture, such as 1280x800.", "size"});
+    parser.addOption({"language", "en or de, whatever the settings say.", "language"});
     if (!parser.parse(QApplication::arguments())) return fail(2, parser.errorText());
     if (parser.isSet("help")) parser.showHelp(0);
     if (parser.isSet("version")) parser.showVersion();
-    const QString picture = parser.value(screenshot);
-    if (picture.isEmpty() && QApplication::platformName() == "offscreen") {
+    if (!parser.isSet("screenshot") && QApplication::platformName() == "offscreen")
         return fail(2, "there is no screen; with --screenshot FILE the window is saved as a picture");
-    }
-
-    fluorocut::ui::MainWindow window;
-    const auto showFiles = [&window](const QStringList& files) {
-        const QString subject = files.size() == 1 ? files.first() : QObject::tr("%1 images").arg(files.size());
-        window.show(subject, QObject::tr("Reading"), files.size(), fluorocut::desktop::imagesOf(files));
-    };
-    QObject::connect(&window, &fluorocut::ui::MainWindow::openRequested, showFiles);
-    int exit_code = 0;
-    if (!picture.isEmpty()) {
-        QObject::connect(&window, &fluorocut::ui::MainWindow::shown, [&](bool ok, const QString& sentence) {
-            // After the event loop has laid the views out.
-            QTimer::singleShot(0, &window, [&, ok, sentence] {
-                const fluorocut::Result<void> saved = saveScreenshot(window, picture);
-                if (!ok)
-                    exit_code = fail(3, sentence);
-                else if (!saved)
-                    exit_code = fail(73, QString::fromStdString(saved.error().message()));
-                QApplication::exit(exit_code);
-            });
-        });
-    }
-    window.show();
-    if (parser.positionalArguments().isEmpty()) {
-        window.show(QObject::tr("Built-in femur"), QObject::tr("Simulating fluoroscopy of the built-in femur"), 2,
-                    fluorocut::desktop::femurViews());
-    } else {
-        showFiles(parser.positionalArguments());
-    }
-    return QApplication::exec();
+    return run(application, parser);
 }

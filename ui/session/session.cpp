@@ -9,7 +9,9 @@ Session::Session(QObject* parent) : QObject(parent), steps_{{QString(), std::mak
 void Session::open(CaseState state) {
     preview_.reset();
     steps_ = {{QString(), std::make_shared<const CaseState>(std::move(state))}};
-    goTo(0);
+    now_ = 0;
+    emit opened();
+    emit changed();
 }
 
 void Session::commit(const QString& what, CaseState next) {

@@ -47,8 +47,9 @@ class Session : public QObject {
     void redo();
 
   signals:
+    void opened();       // another case; changed() follows
     void changed();      // state() is another one
-    void committedTo();  // committed() is another one, to be saved
+    void committedTo();  // by an edit, or its undoing, committed() is another one: to be saved
 
   private:
     struct Step {

@@ -3,42 +3,91 @@
 #include <QApplication>
 #include <QFont>
 #include <QPalette>
+#include <QScreen>
 #include <QStyleFactory>
+#include <algorithm>
+#include <cmath>
 
 namespace fluorocut::ui {
+namespace {
 
-void applyTheme(QApplication& application) {
-    application.setStyle(QStyleFactory::create("Fusion"));
-    application.setFont(QFont("DejaVu Sans", 9));
+struct Shades {
+    QColor window, base, button, text, quiet, accent, on_accent, line;
+};
 
-    const QColor window(30, 34, 38);
-    const QColor base(20, 23, 26);
-    const QColor text(216, 222, 228);
-    const QColor quiet(120, 128, 136);
-    const QColor accent(70, 130, 180);
-    QPalette palette;
-    palette.setColor(QPalette::Window, window);
-    palette.setColor(QPalette::WindowText, text);
-    palette.setColor(QPalette::Base, base);
-    palette.setColor(QPalette::AlternateBase, window);
-    palette.setColor(QPalette::Text, text);
-    palette.setColor(QPalette::Button, QColor(44, 49, 54));
-    palette.setColor(QPalette::ButtonText, text);
-    palette.setColor(QPalette::BrightText, Qt::white);
-    palette.setColor(QPalette::ToolTipBase, base);
-    palette.setColor(QPalette::ToolTipText, text);
-    palette.setColor(QPalette::PlaceholderText, quiet);
-    palette.setColor(QPalette::Highlight, accent);
-    palette.setColor(QPalette::HighlightedText, Qt::white);
-    palette.setColor(QPalette::Link, accent.lighter(130));
-    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText}) {
-        palette.setColor(QPalette::Disabled, role, quiet);
+Shades shadesOf(Look look) {
+    if (look == Look::light) {
+        return {QColor(0xf2f4f6), QColor(0xffffff), QColor(0xe3e7ea), QColor(0x1b2126),
+                QColor(0x5d6770), QColor(0x1f6fb2), QColor(0xffffff), QColor(0xc5ccd2)};
     }
-    application.setPalette(palette);
-    application.setStyleSheet(
-        "QMenuBar { background: #1e2226; } QMenuBar::item { padding: 5px 10px; background: transparent; }"
-        "QMenuBar::item:selected { background: #2c3136; }"
-        "QStatusBar { background: #1e2226; color: #9aa4ae; } QStatusBar::item { border: none; }");
+    return {QColor(0x1e2226), QColor(0x14171a), QColor(0x2c3136), QColor(0xd8dee4),
+            QColor(0x8f99a3), QColor(0x4682b4), QColor(0xffffff), QColor(0x3a4147)};
+}
+
+QPalette paletteOf(const Shades& shades) {
+    QPalette palette;
+    palette.setColor(QPalette::Window, shades.window);
+    palette.setColor(QPalette::WindowText, shades.text);
+    palette.setColor(QPalette::Base, shades.base);
+    palette.setColor(QPalette::AlternateBase, shades.window);
+    palette.setColor(QPalette::Text, shades.text);
+    palette.setColor(QPalette::Button, shades.button);
+    palette.setColor(QPalette::ButtonText, shades.text);
+    palette.setColor(QPalette::BrightText, shades.on_accent);
+    palette.setColor(QPalette::ToolTipBase, shades.base);
+    palette.setColor(QPalette::ToolTipText, shades.text);
+    palette.setColor(QPalette::PlaceholderText, shades.quiet);
+    palette.setColor(QPalette::Highlight, shades.accent);
+    palette.setColor(QPalette::HighlightedText, shades.on_accent);
+    palette.setColor(QPalette::Link, shades.window.lightness() < 128 ? shades.accent.lighter(140) : shades.accent);
+    palette.setColor(QPalette::Mid, shades.line);
+    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText})
+        palette.setColor(QPalette::Disabled, role, shades.quiet);
+    return palette;
+}
+
+QString styleOf(const Shades& shades, int target) {
+    // What can be pressed is at least `target` high; 0: as the style has it.
+    const QString height = target > 0 ? QString("min-height: %1px;").arg(target) : QString();
+    const QString width = target > 0 ? QString("min-width: %1px;").arg(target) : QString();
+    return QString(
+               "QMenuBar { background: %1; } QMenuBar::item { padding: 5px 10px; background: transparent; }"
+               "QMenuBar::item:selected { background: %2; }"
+               "QStatusBar { background: %1; color: %3; } QStatusBar::item { border: none; }"
+               "QToolTip { background: %4; color: %5; border: 1px solid %6; padding: 3px; }"
+               "QMainWindow::separator { background: %6; width: 3px; height: 3px; }"
+               "QMainWindow::separator:hover { background: %7; }"
+               "QDockWidget::title { background: %2; padding: 5px 8px; }"
+               "QPushButton[primary=\"true\"] { background: %7; color: %8; border: none; border-radius: 4px;"
+               " padding: 8px 18px; font-weight: bold; }"
+               "QPushButton[primary=\"true\"]:hover { background: %9; }")
+               .arg(shades.window.name(), shades.button.name(), shades.quiet.name(), shades.base.name(),
+                    shades.text.name(), shades.line.name(), shades.accent.name(), shades.on_accent.name(),
+                    shades.accent.lighter(112).name()) +
+           QString(
+               "QPushButton { padding: 5px 12px; } QPushButton[primary=\"true\"] { padding: 8px 18px; }"
+               "QPushButton, QComboBox, QSpinBox, QDoubleSpinBox, QLineEdit, QCheckBox { %1 }"
+               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %1 } QTabBar::tab { %1 }")
+               .arg(height, width);
+}
+
+}  // namespace
+
+int targetPixels(Look look) {
+    if (look != Look::operatingRoom) return 0;
+    const QScreen* screen = QApplication::primaryScreen();
+    double dots_per_inch = screen ? screen->physicalDotsPerInch() : 96;
+    // Screens that do not know their size say anything.
+    if (!(dots_per_inch >= 60 && dots_per_inch <= 600)) dots_per_inch = 96;
+    return static_cast<int>(std::ceil(kOperatingRoomTargetMm / 25.4 * dots_per_inch));
+}
+
+void applyTheme(QApplication& application, Look look) {
+    const Shades shades = shadesOf(look);
+    application.setStyle(QStyleFactory::create("Fusion"));
+    application.setFont(QFont("DejaVu Sans", look == Look::operatingRoom ? kOperatingRoomPoints : 9));
+    application.setPalette(paletteOf(shades));
+    application.setStyleSheet(styleOf(shades, targetPixels(look)));
 }
 
 }  // namespace fluorocut::ui

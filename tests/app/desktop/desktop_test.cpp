@@ -1,4 +1,6 @@
 // The real desktop program without a screen.
+#include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 
 #include <gmock/gmock.h>
@@ -13,7 +15,20 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-TEST(Desktop, SavesAPictureOfItsWindow) {
+// Grey levels of a part of a picture, given by fractions of its size.
+double meanOf(const Image& image, double left, double top, double right, double bottom) {
+    double sum = 0;
+    int count = 0;
+    for (int y = static_cast<int>(top * image.height()); y < static_cast<int>(bottom * image.height()); ++y) {
+        for (int x = static_cast<int>(left * image.width()); x < static_cast<int>(right * image.width()); ++x) {
+            sum += image(x, y);
+            ++count;
+        }
+    }
+    return sum / count;
+}
+
+TEST(Desktop, SavesAPictureOfTheFilesItOpened) {
     const test::ScratchFolder scratch;
     Image image(64, 64);
     for (int y = 0; y < 64; ++y) {
@@ -22,34 +37,38 @@ TEST(Desktop, SavesAPictureOfItsWindow) {
     }
     ASSERT_OK(writeImage(scratch / "ramp.png", image));
     const test::Finished finished = test::runProgram(
-        FLUOROCUT_DESKTOP, {(scratch / "ramp.png").string(), "--screenshot", (scratch / "w.png").string()});
+        FLUOROCUT_DESKTOP,
+        {(scratch / "ramp.png").string(), "--screenshot", (scratch / "w.png").string(), "--size", "1000x700"});
     ASSERT_EQ(finished.exit_code, 0) << finished.err;
     const Result<ImageFile> window = readImage(scratch / "w.png");
     ASSERT_OK(window);
-    const int middle = window->image.height() / 2;
-    const int width = window->image.width();
-    // The ramp fills the window's height in its middle: dark on the left of it, bright on the right.
-    EXPECT_GT(window->image(width / 2 + 150, middle), window->image(width / 2 - 150, middle) + 100);
+    EXPECT_EQ(window->image.width(), 1000);
+    EXPECT_EQ(window->image.height(), 700);
+    // Somewhere in it the ramp is seen, from black to white.
+    const auto [least, most] = std::minmax_element(window->image.pixels().begin(), window->image.pixels().end());
+    EXPECT_LT(*least, 10);
+    EXPECT_GT(*most, 200);
 }
 
-TEST(Desktop, SlowBuiltInFemurFillsBothViews) {
+TEST(Desktop, SlowEveryStateOfTheSampleCaseCanBePictured) {
     const test::ScratchFolder scratch;
-    const test::Finished finished = test::runProgram(FLUOROCUT_DESKTOP, {"--screenshot", (scratch / "w.png").string()});
-    ASSERT_EQ(finished.exit_code, 0) << finished.err;
-    const Result<ImageFile> window = readImage(scratch / "w.png");
-    ASSERT_OK(window);
-    // Without pictures the views are almost black: 10 of 255.
-    for (const double part : {0.25, 0.75}) {
-        double sum = 0;
-        int count = 0;
-        for (int y = window->image.height() / 4; y < window->image.height() * 3 / 4; ++y) {
-            for (int x = -50; x < 50; ++x) {
-                sum += window->image(static_cast<int>(part * window->image.width()) + x, y);
-                ++count;
-            }
+    const std::string cache = (scratch / "cache").string();
+    setenv("XDG_CACHE_HOME", cache.c_str(), 1);
+    for (const char* name : {"start", "spreadsheet", "planning", "scene", "procedure", "or-mode"}) {
+        const auto file = scratch / (std::string(name) + ".png");
+        const test::Finished finished =
+            test::runProgram(FLUOROCUT_DESKTOP, {"--screenshot", name, file.string(), "--size", "1280x800"});
+        ASSERT_EQ(finished.exit_code, 0) << name << ": " << finished.err;
+        const Result<ImageFile> window = readImage(file);
+        ASSERT_OK(window);
+        EXPECT_EQ(window->image.width(), 1280);
+        // The start page is dark in its middle; X-rays are not: an empty view is 10 of 255.
+        if (std::string(name) != "start") {
+            EXPECT_GT(meanOf(window->image, 0.2, 0.1, 0.7, 0.9), 25) << name;
         }
-        EXPECT_GT(sum / count, 40) << part;
     }
+    unsetenv("XDG_CACHE_HOME");
+    EXPECT_TRUE(fs::exists(scratch / "cache" / "fluorocut"));
 }
 
 TEST(Desktop, SaysWhatItCannotRead) {
@@ -65,6 +84,10 @@ TEST(Desktop, WithoutAScreenItNeedsToKnowWhereThePictureGoes) {
     EXPECT_EQ(finished.exit_code, 2);
     EXPECT_THAT(finished.err, HasSubstr("--screenshot"));
     EXPECT_EQ(test::runProgram(FLUOROCUT_DESKTOP, {"--nonsense"}).exit_code, 2);
+    const test::Finished unknown = test::runProgram(FLUOROCUT_DESKTOP, {"--screenshot", "nothing"});
+    EXPECT_EQ(unknown.exit_code, 2);
+    EXPECT_THAT(unknown.err, HasSubstr("or-mode"));
+    EXPECT_EQ(test::runProgram(FLUOROCUT_DESKTOP, {"--screenshot", "x.png", "--size", "10x10"}).exit_code, 2);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "core/procedure/content.h"
+#include "core/casestore/content.h"
 
 #include <cmath>
 #include <cstdlib>
