@@ -23,6 +23,9 @@ Random streamOf(std::uint64_t seed, Stream stream) {
     return Random(seed).fork(static_cast<std::uint64_t>(stream));
 }
 
+// Beyond any number of visits and exposures: streams of occasions are named from here on.
+constexpr std::uint64_t kOccasions = std::uint64_t{1} << 40;
+
 // Through a metre of steel comes less; its logarithm stays finite.
 constexpr float kDarkestBeam = 1e-30F;
 
@@ -99,8 +102,15 @@ struct VirtualOperatingRoom::Hidden {
     std::vector<PathLengths> objects;  // as truth.objects
     double focal_length_error_mm = 0;
     Vector2 principal_point_error_px = Vector2::Zero();
-    std::uint64_t visits = 0;
+    std::uint64_t occasion = 0;
+    std::uint64_t visits = 0, exposures = 0;  // on this occasion
     Standing standing;
+
+    // Of what differs from occasion to occasion.
+    Random streamNow(Stream stream) const {
+        const Random random = streamOf(options.seed, stream);
+        return occasion == 0 ? random : random.fork(kOccasions + occasion);
+    }
 
     static Rigid3 imagerFrom(HeldBy holder, const ViewTruth& view) {
         switch (holder) {
@@ -117,7 +127,7 @@ struct VirtualOperatingRoom::Hidden {
     }
 
     Result<void> goTo(const CArmPosition& position) {
-        Random random = streamOf(options.seed, Stream::visits).fork(visits++);
+        Random random = streamNow(Stream::visits).fork(visits++);
         const Rigid3 nominal = nominalImagerFromRoom(position, options.source_to_isocentre_mm);
         // Half the spread about the nominal pose keeps any two visits within the whole of it.
         const Rigid3 error = randomMotion(0.5 * options.return_offset_mm, 0.5 * options.return_rotation_rad,
@@ -254,7 +264,7 @@ Result<AcquiredImage> VirtualOperatingRoom::acquire(const ImageRequest& request,
     view.imager_from_femur = standing.imager_from_room * truth.room_from_femur;
     view.imager_from_robot = standing.imager_from_room * truth.room_from_robot;
     view.xray = options.xray;
-    view.xray.seed = streamOf(options.seed, Stream::exposures).fork(sequence).bits();
+    view.xray.seed = hidden_->streamNow(Stream::exposures).fork(hidden_->exposures).bits();
     bool focused = false;
     const std::optional<Image> line_integrals = hidden_->lineIntegrals(view, progress, focused);
     if (!line_integrals || progress.isCancelled()) return cancelled(name());
@@ -265,6 +275,7 @@ Result<AcquiredImage> VirtualOperatingRoom::acquire(const ImageRequest& request,
     }
     auto exposure = expose(*line_integrals, view.carm, exposing);
     if (!exposure) return exposure.error();
+    ++hidden_->exposures;
     truth.views.push_back(std::move(view));
 
     AcquiredImage acquired;
@@ -280,6 +291,21 @@ Result<AcquiredImage> VirtualOperatingRoom::acquire(const ImageRequest& request,
     acquired.provenance.sequence = sequence;
     progress.report(1, "exposed");
     return acquired;
+}
+
+Result<void> VirtualOperatingRoom::setPatient(std::shared_ptr<const Volume> patient) {
+    if (!hidden_->patient || !patient) throw std::logic_error("setPatient: a patient takes the place of a patient");
+    auto projector = VolumeProjector::prepare(patient, {hidden_->truth.mu_water_per_mm});
+    if (!projector) return projector.error();
+    hidden_->patient.emplace(std::move(*projector));
+    hidden_->truth.patient = std::move(patient);
+    return {};
+}
+
+void VirtualOperatingRoom::beginOccasion(std::uint64_t occasion) {
+    hidden_->occasion = occasion;
+    hidden_->visits = 1;  // 0 is where a room's C-arm stands to begin with
+    hidden_->exposures = 0;
 }
 
 Result<void> VirtualOperatingRoom::hold(HeldObject object) {

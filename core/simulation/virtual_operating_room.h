@@ -113,6 +113,15 @@ class VirtualOperatingRoom final : public ImageSource {
     // With a position: the C-arm goes there anew, as well as it can. Without: it stays, and exposes again.
     Result<AcquiredImage> acquire(const ImageRequest& request, Progress& progress) override;
 
+    // Another volume in the same place, on the table as the one before lay: the patient after a cut. invalidInput when
+    // it cannot be projected; then the one before stays. Broken contract (std::logic_error): a room without a patient.
+    Result<void> setPatient(std::shared_ptr<const Volume> patient);
+
+    // Another time in the same room: all that is hidden stays, what is drawn anew for every visit and every exposure is
+    // drawn from another stream, from its beginning. So pictures of one occasion do not depend on how many were taken
+    // on another. A new room is at occasion 0.
+    void beginOccasion(std::uint64_t occasion);
+
     // Objects come, move and go between exposures. invalidOption: a name that is taken or unknown; invalidInput: a mesh
     // that is not a solid.
     Result<void> hold(HeldObject object);

@@ -358,5 +358,46 @@ TEST(VirtualOperatingRoom, SaysWhatIsWrong) {
     EXPECT_FALSE(room.release("cube").ok());
 }
 
+// After a cut: what is in the pictures is the new volume, where the old one was.
+TEST(VirtualOperatingRoom, AnotherVolumeTakesThePatientsPlace) {
+    OperatingRoomOptions options = smallRoom();
+    options.xray = XrayOptions::ideal();
+    auto room = make(patient(), options);
+    const Rigid3 place = truthOf(room).room_from_femur;
+    shoot(room, at(20));
+    auto cut = std::make_shared<Volume>(*patient());
+    for (float& hu : cut->voxels())
+        hu = hu > 500 ? -1000.0f : hu;
+    ASSERT_OK(room.setPatient(cut));
+    const Image image = shoot(room);
+    EXPECT_EQ(truthOf(room).room_from_femur.deltaFrom(place).norm(), 0);
+    EXPECT_EQ(truthOf(room).patient, cut);
+    const auto projector = VolumeProjector::prepare(cut, {attenuationPerMm(Material::water)});
+    ASSERT_OK(projector);
+    const ViewTruth& view = truthOf(room).views.back();
+    const Image expected = projector->project(view.carm, view.imager_from_femur);
+    for (std::size_t i = 0; i < image.size(); ++i)
+        ASSERT_NEAR(image.pixels()[i], std::exp(-expected.pixels()[i]), 1e-6);  // float rounding
+    EXPECT_THROW((void)room.setPatient(nullptr), std::logic_error);
+    auto empty = make(nullptr, options);
+    EXPECT_THROW((void)empty.setPatient(cut), std::logic_error);
+}
+
+TEST(VirtualOperatingRoom, PicturesOfAnOccasionDoNotDependOnThoseOfAnother) {
+    auto room = make(patient(), smallRoom());
+    const Image first = shoot(room, at(0));
+    room.beginOccasion(3);
+    const Image third = shoot(room, at(0));
+    EXPECT_NE(first, third);  // other returns, other noise
+    auto other = make(patient(), smallRoom());
+    shoot(other, at(0));
+    shoot(other, at(40));
+    other.beginOccasion(3);
+    EXPECT_EQ(shoot(other, at(0)), third);
+    EXPECT_EQ(truthOf(other).room_from_femur.deltaFrom(truthOf(room).room_from_femur).norm(), 0);
+    other.beginOccasion(0);
+    EXPECT_EQ(shoot(other, at(0)), first);
+}
+
 }  // namespace
 }  // namespace fluorocut
