@@ -16,8 +16,9 @@ constexpr double kShankAt = 60;          // mm up the spindle
 constexpr std::size_t kLongestRun = 60;  // places between two that are kept
 constexpr double kBlock = 4;             // mm
 constexpr double kPart = 0.5;            // mm
-constexpr double kFeelEvery = 0.2;       // mm of way
-constexpr double kHandedOut = 0.05;      // of what is pending, with every step
+constexpr double kFeelEvery = 0.1;       // mm of way
+constexpr double kHandedOut = 0.02;      // of what is pending, with every step
+constexpr double kShortShank = 4;        // mm, where it cuts nothing
 
 // Of a point from the chord a b.
 double offChord(const Vector3& point, const Vector3& a, const Vector3& b) {
@@ -121,7 +122,7 @@ double MilledBone::cut(const Rigid3& before, const Rigid3& after) {
             pending_mm3_ += removeBall(felt_at_);
         }
     } else if (!run_.empty()) {
-        appendRun(way_);
+        endRun();
         run_.clear();
     }
     const double felt = kHandedOut * pending_mm3_;
@@ -136,7 +137,7 @@ void MilledBone::take(const Place& place) {
                    offChord(run_[n].shank, run_.front().shank, place.shank) <= kShankTolerance;
     }
     if (!straight) {
-        appendRun(way_);
+        endRun();
         const Place last = run_.back();
         run_.assign(1, last);
     }
@@ -151,6 +152,42 @@ void MilledBone::appendRun(std::vector<ToolMove>& way) const {
     move.segment.to_mm = to.ball;
     move.segment.spindle = (from.shank - from.ball + to.shank - to.ball).normalized();
     way.push_back(move);
+}
+
+void MilledBone::endRun() {
+    if (run_.size() < 2) return;
+    appendRun(removeShank(run_.back()) ? shank_way_ : way_);
+}
+
+bool MilledBone::isThere(const Vector3& point) const {
+    const VolumeGrid& grid = whole_->grid();
+    const Vector3 index = grid.indexFromPoint(point) + Vector3::Constant(0.5);
+    std::size_t part = 0;
+    for (Eigen::Index n = 2; n >= 0; --n) {
+        const auto a = static_cast<std::size_t>(n);
+        if (!(index[n] >= 0 && index[n] < grid.size[a])) return false;
+        part = part * static_cast<std::size_t>(grid.size[a] * parts_[a]) +
+               static_cast<std::size_t>(index[n] * parts_[a]);
+    }
+    if (gone_[part]) return false;
+    return (*whole_)(static_cast<int>(index.x()), static_cast<int>(index.y()), static_cast<int>(index.z())) >
+           options_.matter_above_hu;
+}
+
+bool MilledBone::removeShank(const Place& place) {
+    const Vector3 axis = (place.shank - place.ball).normalized();
+    const Vector3 u = axis.unitOrthogonal(), v = axis.cross(u);
+    const double rim = std::max(0.0, cutter_.radius_mm - 1);
+    bool cuts = false;
+    for (double up = kShortShank; up < cutter_.length_mm; up += 1.5) {
+        const Vector3 middle = place.ball + up * axis;
+        if (!isThere(middle) && !isThere(middle + rim * u) && !isThere(middle - rim * u) &&
+            !isThere(middle + rim * v) && !isThere(middle - rim * v))
+            continue;
+        cuts = true;
+        pending_mm3_ += removeBall(middle);
+    }
+    return cuts;
 }
 
 bool MilledBone::hard(int i, int j, int k) const {
@@ -195,19 +232,16 @@ double MilledBone::removeBall(const Vector3& center) {
     return static_cast<double>(removed) * size.prod();
 }
 
-Volume MilledBone::removedFraction() const {
-    const VolumeGrid& grid = whole_->grid();
-    Volume fraction(grid);
-    ToolPath path;
-    path.cutter = cutter_;
-    path.moves = way_;
-    appendRun(path.moves);
-    if (path.moves.empty()) return fraction;
-    // Only the part of the grid that the sweep can reach.
+namespace {
+
+// What a way sweeps, put into `fraction` where it is more. Only the part of the grid is looked at that it can reach.
+void addSwept(const ToolPath& path, Volume& fraction) {
+    if (path.moves.empty()) return;
+    const VolumeGrid& grid = fraction.grid();
     Vector3 low = Vector3::Constant(1e9), high = -low;
     for (const ToolMove& move : path.moves) {
         for (const Vector3& end : {move.segment.from_mm, move.segment.to_mm}) {
-            for (const Vector3& point : {end, Vector3(end + cutter_.length_mm * move.segment.spindle)}) {
+            for (const Vector3& point : {end, Vector3(end + path.cutter.length_mm * move.segment.spindle)}) {
                 const Vector3 index = grid.indexFromPoint(point);
                 low = low.cwiseMin(index);
                 high = high.cwiseMax(index);
@@ -218,16 +252,33 @@ Volume MilledBone::removedFraction() const {
     std::array<int, 3> first{};
     for (std::size_t a = 0; a < 3; ++a) {
         const auto n = static_cast<Eigen::Index>(a);
-        const double reach = cutter_.radius_mm / grid.spacing_mm[n] + 1;
+        const double reach = path.cutter.radius_mm / grid.spacing_mm[n] + 1;
         first[a] = static_cast<int>(std::floor(std::clamp(low[n] - reach, 0.0, grid.size[a] - 1.0)));
         const int last = static_cast<int>(std::ceil(std::clamp(high[n] + reach, 0.0, grid.size[a] - 1.0)));
         part.size[a] = last - first[a] + 1;
     }
     part.origin_mm = grid.pointFromIndex(Vector3(first[0], first[1], first[2]));
-    const Volume removed = fluorocut::removedFraction(path, Rigid3(), part);
+    const Volume swept = removedFraction(path, Rigid3(), part);
     for (int k = 0; k < part.size[2]; ++k)
         for (int j = 0; j < part.size[1]; ++j)
-            std::copy_n(removed.row(j, k), part.size[0], fraction.row(j + first[1], k + first[2]) + first[0]);
+            for (int i = 0; i < part.size[0]; ++i) {
+                float& here = fraction(i + first[0], j + first[1], k + first[2]);
+                here = std::max(here, swept(i, j, k));
+            }
+}
+
+}  // namespace
+
+Volume MilledBone::removedFraction() const {
+    Volume fraction(whole_->grid());
+    ToolPath path;
+    path.cutter = cutter_;
+    path.moves = shank_way_;
+    appendRun(path.moves);
+    addSwept(path, fraction);
+    path.moves = way_;
+    path.cutter.length_mm = std::min(kShortShank, cutter_.length_mm);
+    addSwept(path, fraction);
     return fraction;
 }
 

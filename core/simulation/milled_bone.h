@@ -6,7 +6,9 @@
 // in lumps is felt as force.
 //
 // Exactly: the way, thinned so that no place on it is off by more than 5 um (20 um at 60 mm up the shank), and what
-// ball and shank sweep on all of it (core/cutting/removal.h), as parts of voxels:
+// ball and shank sweep on all of it (core/cutting/removal.h), as parts of voxels. The shank is as thick as the ball:
+// it cuts only where the ball was not above before, which is looked for (to 1 mm) and rare; where it does not, the few
+// mm next to the ball are all that is swept.
 //
 //     HU_left = (1 - c) HU + c fill        c: fraction of the voxel that is gone
 //
@@ -47,7 +49,7 @@ class MilledBone {
     Volume removedFraction() const;
     std::shared_ptr<const Volume> remaining() const;
 
-    std::size_t segments() const { return way_.size(); }
+    std::size_t segments() const { return way_.size() + shank_way_.size(); }
 
   private:
     struct Place {
@@ -56,14 +58,18 @@ class MilledBone {
     void take(const Place& place);
     // From the first place of the run to its last.
     void appendRun(std::vector<ToolMove>& way) const;
+    void endRun();
     double removeBall(const Vector3& center);
+    // Marks what the shank alone takes; false: nothing.
+    bool removeShank(const Place& place);
+    bool isThere(const Vector3& point) const;
     bool hard(int i, int j, int k) const;
 
     std::shared_ptr<const Volume> whole_;
     Cutter cutter_;
     MilledBoneOptions options_;
 
-    std::vector<ToolMove> way_;
+    std::vector<ToolMove> way_, shank_way_;  // the second: where the shank cuts too
     std::vector<Place> run_;  // since the last kept place, which is its first
     // Coarse blocks of the CT that hold matter, grown by the cutter's radius.
     std::array<int, 3> block_voxels_{}, blocks_{};

@@ -111,6 +111,25 @@ TEST(MilledBone, FeelsAndRemovesWhatABoredHoleHolds) {
     EXPECT_LT(bone.segments(), 10U);           // of 350 steps along a straight line
 }
 
+// Sideways below uncut material: the shank goes through it, the whole way up.
+TEST(MilledBone, TheShankCutsWhereTheBallWasNot) {
+    const auto whole = block(0.5);
+    Cutter cutter;
+    cutter.radius_mm = 3;
+    MilledBone bone(whole, cutter);
+    const auto at = [](double x) { return Rigid3::fromTranslation({x, 0, 25}); };
+    for (double x = -40; x < 0; x += 0.05)
+        bone.cut(at(x), at(x + 0.05));
+    double removed = 0;
+    const Volume fraction = bone.removedFraction();
+    for (std::size_t n = 0; n < fraction.voxels().size(); ++n)
+        if (whole->voxels()[n] > 120) removed += fraction.voxels()[n] * std::pow(0.5, 3);
+    // A slot 25 long from the block's side, 6 wide, 20 deep to the ball's middle: its rounded end and the half round
+    // floor.
+    const double slot = 25 * 6 * 20 + 0.5 * M_PI * 9 * 20 + 25 * 0.5 * M_PI * 9 + 1.0 / 3 * M_PI * 27;
+    EXPECT_NEAR(removed, slot, 0.03 * slot);  // the faces' voxels do not count: up to 0.5 mm of 20 and of 25
+}
+
 TEST(MilledBone, AirCostsNothing) {
     const auto whole = block();
     MilledBone bone(whole, Cutter{});
