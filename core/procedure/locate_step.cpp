@@ -3,11 +3,16 @@
 
 #include "core/base/units.h"
 #include "core/cavity/cavity_location.h"
+#include "core/cutting/envelope_check.h"
 #include "core/procedure/chain_measurement.h"
 #include "core/procedure/steps.h"
 
 namespace fluorocut {
 namespace {
+
+// Of the way in above a cavity's top that is looked for too: a cavity that lies deeper than planned has no lid. Beyond
+// what a cut goes astray it tells nothing, and would bring more of the wound into the picture.
+constexpr double kWayIn_mm = 3;
 
 // imager_from_femur of every view, by the beads in the bone.
 Result<FemurBeads> posesOf(const ProcedureSetup& setup, const StageImages& taken, Progress& progress) {
@@ -38,6 +43,9 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
     if (!after) return after.error();
     const Result<TriangleMesh> mesh = readStageMesh(stage, inputs);
     if (!mesh) return mesh.error();
+    const double top_mm = plan->stages[static_cast<std::size_t>(stage - 1)].top_mm;
+    const Result<TriangleMesh> milled = openedUpward(*mesh, top_mm + kWayIn_mm);
+    if (!milled) return milled.error();
     SubProgress seeing(progress, 0, 0.3), locating(progress, 0.3, 1);
     const Result<FemurBeads> beads = posesOf(setup, *after, seeing);
     if (!beads) return beads.error();
@@ -64,13 +72,13 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
     CavityLocationOptions options;
     options.mu_water_per_mm = setup.patient.mu_water_per_mm;
     const Result<CavityLocation> found =
-        locateCavity(views, *mesh, setup.plan.femur_from_cavity, setup.patient.ct, options, locating);
+        locateCavity(views, *milled, setup.plan.femur_from_cavity, setup.patient.ct, options, locating);
     if (!found) return found.error();
 
     LocationResult result;
     result.stage = stage;
     result.femur_from_cut_cavity = found->femur_from_cavity;
-    const std::vector<SurfacePoint> walls = wallPoints(*mesh, plan->stages[static_cast<std::size_t>(stage - 1)].top_mm);
+    const std::vector<SurfacePoint> walls = wallPoints(*mesh, top_mm);
     result.offset = offsetOf(walls, setup.plan.femur_from_cavity, result.femur_from_cut_cavity.target_from_source);
     result.bound_mm = surfaceError(walls, result.femur_from_cut_cavity).bound_mm;
     result.weak_directions = found->weak_directions;
