@@ -7,6 +7,8 @@
 
 namespace fluorocut::cli {
 
+Command declareDemo(CLI::App& parent);
+Command declareProcedure(CLI::App& parent);
 Command declareDrr(CLI::App& parent);
 Command declarePhantom(CLI::App& parent);
 Command declareCutVolume(CLI::App& parent);
@@ -24,8 +26,8 @@ Command declarePaperTables(CLI::App& parent);
 Command declareCase(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
-inline constexpr std::array<Declare, 15> kCommands{
-    declareDrr,          declarePhantom,    declareCutVolume,   declareDewarp,  declareCalibrate,
+inline constexpr std::array<Declare, 17> kCommands{
+    declareDemo, declareProcedure, declareDrr,          declarePhantom,    declareCutVolume,   declareDewarp,  declareCalibrate,
     declareCorkscrew,    declareCoregister, declareRegister,    declareImplant, declarePlan,
     declareLocateCavity, declareFabricate,  declarePaperTables, declareCase,    declareInfo};
 

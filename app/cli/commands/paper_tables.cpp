@@ -22,7 +22,14 @@ struct Options {
     std::uint64_t seed = 1;
     double pixel_mm = 0.32;
     CorkscrewTablesRequest corkscrew;
+    Table4Request table4;
     std::string only;
+
+    bool wants(const std::string& experiment) const { return only.empty() || only == experiment; }
+    // Of the progress, where all are wanted.
+    SubProgress part(Progress& progress, double begin, double end) const {
+        return only.empty() ? SubProgress(progress, begin, end) : SubProgress(progress, 0, 1);
+    }
 };
 
 std::string cell(const ErrorFigures& figures) {
@@ -93,18 +100,26 @@ Result<std::string> addDewarp(const Options& options, Report& report, Progress& 
 
 Result<Report> run(const Options& options, Progress& progress) {
     Report report;
-    if (options.only != "corkscrew") {
-        SubProgress part(progress, 0, options.only.empty() ? 0.3 : 1);
+    if (options.wants("dewarp")) {
+        SubProgress part = options.part(progress, 0, 0.2);
         const Result<std::string> text = addDewarp(options, report, part);
         if (!text) return text.error();
         report.raw += *text;
     }
-    if (options.only != "dewarp") {
+    if (options.wants("corkscrew")) {
         CorkscrewTablesRequest request = options.corkscrew;
         request.seed = options.seed;
         request.pixel_mm = options.pixel_mm;
-        SubProgress part(progress, options.only.empty() ? 0.3 : 0, 1);
+        SubProgress part = options.part(progress, 0.2, 0.5);
         const Result<std::string> text = addCorkscrewTables(request, report.json["corkscrew"], part);
+        if (!text) return text.error();
+        report.raw += (report.raw.empty() ? "" : "\n") + *text;
+    }
+    if (options.wants("table-4")) {
+        Table4Request request = options.table4;
+        request.seed = options.seed;
+        SubProgress part = options.part(progress, 0.5, 1);
+        const Result<std::string> text = addTable4(request, report.json["table_4"], part);
         if (!text) return text.error();
         report.raw += (report.raw.empty() ? "" : "\n") + *text;
     }
@@ -139,11 +154,16 @@ Command declarePaperTables(CLI::App& parent) {
         ->capture_default_str();
     app->add_option("--corkscrew", options->corkscrew.corkscrew, "Corkscrew, a file or one built in by name")
         ->capture_default_str();
-    app->add_option("--only", options->only, "One of the experiments")->check(CLI::IsMember({"dewarp", "corkscrew"}));
+    app->add_option("--runs", options->table4.trials, "Random procedures of Table 4, beside the paper's three")
+        ->check(CLI::Range(0, 10000))
+        ->capture_default_str();
+    app->add_option("--only", options->only, "One of the experiments")
+        ->check(CLI::IsMember({"dewarp", "corkscrew", "table-4"}));
     app->footer(
         "Examples:\n"
         "  fluorocut-cli paper-tables --trials 100 --seed 7\n"
-        "  fluorocut-cli paper-tables --only corkscrew --carms 20 --scenes 500");
+        "  fluorocut-cli paper-tables --only corkscrew --carms 20 --scenes 500\n"
+        "  fluorocut-cli paper-tables --only table-4 --runs 17");
     return {app, [options](Progress& progress) { return run(*options, progress); }};
 }
 

@@ -26,4 +26,12 @@ struct CorkscrewTablesRequest {
 Result<std::string> addCorkscrewTables(const CorkscrewTablesRequest& request, nlohmann::ordered_json& json,
                                        Progress& progress);
 
+struct Table4Request {
+    int trials = 3;  // random ones, beside the paper's three
+    std::uint64_t seed = 1;
+};
+
+// Table 4: likewise.
+Result<std::string> addTable4(const Table4Request& request, nlohmann::ordered_json& json, Progress& progress);
+
 }  // namespace fluorocut::cli
