@@ -101,10 +101,19 @@ make_pictures() {
     done
 }
 
-# The main job: the best picture there is. Saved in output/, and shown where there is a screen.
+# The main job. With a screen: pictures to look at, in output/ (the desktop program is opened next). Without one: a whole
+# procedure in the virtual operating room, told line by line, with its case and its report in output/.
 run_main_job() {
     mkdir -p output
-    say "simulated fluoroscopy of the built-in femur, AP and lateral"
-    quietly build/run.log make_pictures
-    say "saved: output/femur-ap.png, output/femur-lateral.png (and the CT, output/femur.mha)"
+    if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
+        say "simulated fluoroscopy of the built-in femur, AP and lateral"
+        quietly build/run.log make_pictures
+        say "saved: output/femur-ap.png, output/femur-lateral.png (and the CT, output/femur.mha)"
+        return
+    fi
+    say "a simulated procedure: calibrate, register, cut, locate, correct, cut again"
+    rm -f output/demo.fluorocut*
+    build/bin/fluorocut-cli demo --case output/demo.fluorocut --report output/demo.html 2>&1 | tee build/run.log ||
+        give_up build/run.log "the procedure did not come to its end"
+    say "saved: output/demo.html (the report), output/demo.fluorocut (the case)"
 }
