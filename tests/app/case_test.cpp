@@ -110,6 +110,25 @@ TEST_F(CaseCommandTest, VerifyPassesAWholeCaseAndNamesTheFirstBrokenRecord) {
     EXPECT_EQ(onlyJson(cli({"case", "verify", path_.string(), "--json"}))["first_broken_record"], 4);
 }
 
+TEST_F(CaseCommandTest, RecomputingAsksOfEveryResultThatItComesOutAgain) {
+    // Its `register` names no setup that it could be calculated from.
+    const test::Finished bad = cli({"case", "verify", path_.string(), "--recompute", "--json"});
+    EXPECT_EQ(bad.exit_code, 1);
+    EXPECT_EQ(onlyJson(bad)["whole"], true);
+    ASSERT_EQ(onlyJson(bad)["recomputed"].size(), 1u);
+    EXPECT_EQ(onlyJson(bad)["recomputed"][0]["same"], false);
+    EXPECT_THAT(cli({"case", "verify", path_.string(), "--recompute"}).out,
+                HasSubstr("register (record 5) can not be computed again"));
+    // A case with nothing that is calculated has nothing that differs.
+    {
+        const Result<CaseStore> empty = CaseStore::create(scratch_ / "empty.fluorocut", "hip 8");
+        ASSERT_OK(empty);
+    }
+    const test::Finished good = cli({"case", "verify", (scratch_ / "empty.fluorocut").string(), "--recompute"});
+    EXPECT_EQ(good.exit_code, 0) << good.err;
+    EXPECT_THAT(good.out, HasSubstr("0 steps"));
+}
+
 TEST_F(CaseCommandTest, ExportGivesTheFilesBackAsTheyWere) {
     const fs::path folder = scratch_ / "out";
     const test::Finished finished = cli({"case", "export", path_.string(), folder.string(), "--json"});

@@ -5,18 +5,17 @@
 #include <gtest/gtest.h>
 
 #include "core/cutting/envelope_check.h"
+#include "core/geometry/primitives.h"
 #include "core/procedure/stage_plan.h"
 #include "tests/support/fixtures.h"
 
 namespace fluorocut {
 namespace {
 
-TriangleMesh box(const Vector3& low, const Vector3& high) {
-    TriangleMesh mesh;
-    for (int i = 0; i < 8; ++i)
-        mesh.vertices.emplace_back(i & 1 ? high.x() : low.x(), i & 2 ? high.y() : low.y(), i & 4 ? high.z() : low.z());
-    mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                      {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+TriangleMesh makeBoxAt(const Vector3& size_mm, const Vector3& middle_mm) {
+    TriangleMesh mesh = makeBox(size_mm);
+    for (Vector3& vertex : mesh.vertices)
+        vertex += middle_mm;
     return mesh;
 }
 
@@ -26,7 +25,7 @@ class CuttingMotion : public testing::Test {
     void SetUp() override {
         CavityOptions cavity;
         cavity.cutter_radius_mm = 3;
-        Result<Cavity> final = planCavity(box({-6, -6, -8}, {6, 6, 0}), cavity);
+        Result<Cavity> final = planCavity(makeBoxAt({12, 12, 8}, {0, 0, -4}), cavity);
         ASSERT_OK(final);
         Result<PlannedCut> cut = planCut(*final, 0, options_);
         ASSERT_OK(cut);

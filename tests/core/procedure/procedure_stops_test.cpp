@@ -148,6 +148,40 @@ TEST_F(ProcedureStops, SlowBeforeACutThatIsTooUncertainThoughPeopleInsist) {
     EXPECT_FALSE(robotMoved());
 }
 
+// The bone is pushed when a part of the cut is done.
+class Push final : public Progress {
+  public:
+    explicit Push(SimulatedRobot& robot) : robot_(robot) {}
+    void report(double fraction, std::string_view) override {
+        if (fraction < 0.4 || pushed_) return;
+        robot_.moveBone(Rigid3::fromTranslation({0.6, 0, 0}));
+        pushed_ = true;
+    }
+    bool isCancelled() const override { return false; }
+
+  private:
+    SimulatedRobot& robot_;
+    bool pushed_ = false;
+};
+
+TEST_F(ProcedureStops, SlowByABoneThatMovesInTheCutAndTheCaseKnowsWhatWasCut) {
+    begin();
+    acceptUntil("cut 1");
+    Push push(rig_->robot());
+    Result<Outcome> cut = procedure_->run(push);
+    ASSERT_FALSE(cut.ok());
+    EXPECT_THAT(cut.error().message(), HasSubstr("the bone has moved by 0."));
+    EXPECT_EQ(rig_->robot().trueSpeed(), 0);
+    EXPECT_EQ(state("cut 1"), StepState::ready);  // nothing was acknowledged
+    const CaseContent content = procedure_->store().content().value();
+    EXPECT_EQ(content.items.back().file_name, "cut_1_interrupted.json");
+    EXPECT_EQ(newestStep(content, "cut 1"), nullptr);
+    // Again, and again nothing: the bone is still elsewhere.
+    cut = procedure_->run();
+    ASSERT_FALSE(cut.ok());
+    EXPECT_THAT(cut.error().message(), HasSubstr("the bone has moved"));
+}
+
 TEST_F(ProcedureStops, SlowWhenACutLiesWhereItWasSaidNotToLie) {
     test::RigOptions options;
     options.mount_mm = 0.7;

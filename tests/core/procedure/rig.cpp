@@ -5,6 +5,7 @@
 #include "core/base/random.h"
 #include "core/base/units.h"
 #include "core/cutting/removal.h"
+#include "core/geometry/primitives.h"
 #include "core/io/resources.h"
 #include "core/simulation/acrylic_phantom.h"
 #include "core/simulation/corkscrew_objects.h"
@@ -21,12 +22,10 @@ T need(Result<T> result) {
     return std::move(*result);
 }
 
-TriangleMesh box(const Vector3& low, const Vector3& high) {
-    TriangleMesh mesh;
-    for (int i = 0; i < 8; ++i)
-        mesh.vertices.emplace_back(i & 1 ? high.x() : low.x(), i & 2 ? high.y() : low.y(), i & 4 ? high.z() : low.z());
-    mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                      {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+TriangleMesh makeBoxAt(const Vector3& size_mm, const Vector3& middle_mm) {
+    TriangleMesh mesh = makeBox(size_mm);
+    for (Vector3& vertex : mesh.vertices)
+        vertex += middle_mm;
     return mesh;
 }
 
@@ -55,7 +54,7 @@ Rig::Rig(const RigOptions& options) : options_(options) {
     setup_.plan.implant = "cuboid 14";
     // Up into the air: where the mesh ends in the block's own face, a voxel there would be half block and half cavity,
     // and the part of it that is both is not known.
-    setup_.plan.mesh = box({-7, -7, -16}, {7, 7, 2});
+    setup_.plan.mesh = makeBoxAt({14, 14, 18}, {0, 0, -7});
     setup_.plan.femur_from_cavity = Rigid3::fromTranslation({0, 0, kTop_mm});
     setup_.plan.cavity.cutter_radius_mm = setup_.plan.path.cutter.radius_mm = 3;
     setup_.plan.path.cutter.length_mm = 60;
