@@ -39,10 +39,12 @@ Result<CutAndFound> readCut(const ProcedureSetup& setup, int stage, const StepIn
     // The same chain with nothing but the common error in it.
     Pose common = location->femur_from_cut_cavity;
     const ProcedureCalibration& known = setup.calibration;
-    // Passes leave cusps up to so high on walls and floor, all of them inside the cavity: it seems to end there.
-    const double cusp_mm = setup.plan.path.most_cusp_mm / 2;
+    // The cutter stays inside the plan: by the tolerance of its path, and by cusps between passes. So walls and floor
+    // seem to lie inward, by 0.04 mm on the average of both, and the floor's share is taken for a place along the axis.
+    const ToolPathOptions& path = setup.plan.path;
+    const double left_mm = (path.most_cusp_mm + path.tolerance_mm) / 2;
     Vector6 variance;
-    variance << Vector3::Constant(known.location_sigma_mm * known.location_sigma_mm + cusp_mm * cusp_mm),
+    variance << Vector3::Constant(known.location_sigma_mm * known.location_sigma_mm + left_mm * left_mm),
         Vector3::Constant(known.location_sigma_rad * known.location_sigma_rad);
     common.covariance = Matrix6(variance.asDiagonal());
     const Pose exact{Frame::robot, Frame::cavity, cut->robot_from_cavity, Matrix6(Matrix6::Zero())};
