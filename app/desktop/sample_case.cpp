@@ -105,8 +105,8 @@ Result<std::vector<ui::CaseView>> takePictures(const std::shared_ptr<const Volum
 Result<void> registerViews(std::vector<ui::CaseView>& views, const BeadLayout& layout, Progress& progress) {
     std::vector<FemurView> shadows;
     BeadDetectionOptions detection;
-    detection.least_diameter_px = 5;
-    detection.most_diameter_px = 16;
+    detection.least_diameter_px = 3.5;  // 6 at the isocentre
+    detection.most_diameter_px = 12;
     for (const ui::CaseView& view : views) {
         progress.report(0.8 * static_cast<double>(shadows.size()) / static_cast<double>(views.size()), "finding beads");
         if (progress.isCancelled()) return cancelled("the sample case");
