@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include "app/cli/files.h"
 #include "core/base/stopwatch.h"
@@ -140,11 +141,13 @@ Result<void> writePage(const std::string& path, const fs::path& case_file, const
     return writeWhole(path, *text);
 }
 
-// A line on stderr for each step and stage, over the progress bar.
+// A line on stderr for each step and stage.
 RunListener narrator(const Stopwatch& watch) {
     RunListener listener;
     listener.outcome = [&watch](const Outcome& outcome) {
-        fmt::print(stderr, "\r\033[K{:5.1f} s  {:<11} {}\n", watch.ms() / 1000, outcome.step.name(), outcome.summary);
+        // Over the progress bar, where there is one.
+        fmt::print(stderr, "{}{:5.1f} s  {:<11} {}\n", isatty(STDERR_FILENO) != 0 ? "\r\033[K" : "", watch.ms() / 1000,
+                   outcome.step.name(), outcome.summary);
         for (const std::string& doubt : outcome.doubts)
             fmt::print(stderr, "         doubt       {}\n", doubt);
     };
