@@ -149,6 +149,22 @@ Result<Implant> loadImplant(const std::string& name, const ImplantChoice& choice
     return loadMeshImplant(*description, choice.side);
 }
 
+Result<std::vector<Implant>> loadSizes(const std::string& name, const ImplantChoice& choice) {
+    const Result<fs::path> path = findResource("implants", name);
+    if (!path) return path.error();
+    const Result<ImplantFamily> family = readImplantFamily(*path);
+    if (!family) return family.error();
+    std::vector<Implant> sizes;
+    for (const StemSize& size : family->sizes) {
+        ImplantChoice of_size = choice;
+        of_size.size = size.name;
+        Result<Implant> implant = makeImplant(*family, of_size);
+        if (!implant) return implant.error();
+        sizes.push_back(std::move(*implant));
+    }
+    return sizes;
+}
+
 Result<Implant> implantOfMesh(TriangleMesh mesh, const MeshImplant& description) {
     const std::string where = description.mesh.empty() ? "mesh" : description.mesh.string();
     const MeshProperties properties = meshProperties(mesh);

@@ -46,6 +46,9 @@ Result<void> writeMeshImplant(const std::filesystem::path& path, const MeshImpla
 // with a mesh implant (whose size and neck cannot be chosen; its other side is its mirror image).
 Result<Implant> loadImplant(const std::string& name, const ImplantChoice& choice = {});
 
+// Every size of a family of resources/implants (or of a file), from small to large; `choice.size` does not count.
+Result<std::vector<Implant>> loadSizes(const std::string& name, const ImplantChoice& choice = {});
+
 // An implant from a mesh in millimetres, already in the frame `cavity`.
 Result<Implant> implantOfMesh(TriangleMesh mesh_in_cavity, const MeshImplant& description);
 
