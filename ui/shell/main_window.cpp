@@ -16,7 +16,9 @@
 #include <QVBoxLayout>
 #include <utility>
 
+#include "ui/panels/measure_tool.h"
 #include "ui/panels/navigator.h"
+#include "ui/panels/planning_tool.h"
 #include "ui/session/autosave.h"
 #include "ui/session/case_files.h"
 #include "ui/session/job_runner.h"
@@ -27,6 +29,13 @@
 #include "ui/shell/settings.h"
 #include "ui/shell/start_page.h"
 #include "ui/spreadsheet/sheet.h"
+
+#if __has_include("ui/panels/plan_inspector.h")
+#include "ui/panels/plan_inspector.h"
+#endif
+#if __has_include("ui/scene/scene_view.h")
+#include "ui/scene/scene_view.h"
+#endif
 
 namespace fluorocut::ui {
 namespace {
@@ -114,6 +123,9 @@ MainWindow::~MainWindow() {
 void MainWindow::makePanels() {
     pages_->addWidget(start_);
     sheet_ = new Sheet(session_, this);
+    // A sheet of another time stays as it is usual: what is said of it is not worth a sentence at the start.
+    (void)sheet_->restore(settings_.store());
+    measuring_ = new MeasureChoice(this);
     pages_->addWidget(sheet_);
     start_->setProperty("helpPage", "start");
     sheet_->setProperty("helpPage", "images");
@@ -128,7 +140,31 @@ void MainWindow::makePanels() {
     };
     dock("procedure", tr("Procedure"), navigator_, Qt::LeftDockWidgetArea);
     navigator_->setProperty("helpPage", "procedure");
+#if __has_include("ui/panels/plan_inspector.h")
+    auto* inspector = new PlanInspector(session_, *measuring_, this);
+    inspector->setProperty("helpPage", "planning");
+    dock("plan", tr("Plan"), inspector, Qt::RightDockWidgetArea);
+    const auto kept = [inspector] { return inspector->keptPoint(); };
+    connect(inspector, &PlanInspector::keptPointChanged, this, [this, kept] { giveTools(kept()); });
+    giveTools(kept());
+#else
+    giveTools(KeptPoint::resection);
+#endif
+#if __has_include("ui/scene/scene_view.h")
+    auto* scene = new SceneView(session_, this);
+    scene->setProperty("helpPage", "scene");
+    dock("scene", tr("3D"), scene, Qt::RightDockWidgetArea);
+#endif
     resizeDocks({docks_[0]}, {210}, Qt::Horizontal);
+}
+
+void MainWindow::giveTools(KeptPoint kept) {
+    sheet_->setArrowsAreTools(true);
+    sheet_->setTools([this, kept](std::size_t view) -> std::unique_ptr<ViewTool> {
+        auto tool = std::make_unique<PlanningTool>(session_, *measuring_, ImagePlace{view});
+        tool->implant().setKeptPoint(kept);
+        return tool;
+    });
 }
 
 void MainWindow::makeStatusBar() {
@@ -260,6 +296,8 @@ void MainWindow::arrangeFor(const QString& part) {
     showCase();
     restoreState(first_layout_, kLayoutVersion);
     if (part == "procedure") navigator_->setCurrentRow(3);
+    for (QDockWidget* dock : docks_)
+        if (part == "scene" && dock->objectName() == "scene") resizeDocks({dock}, {width() / 2}, Qt::Horizontal);
 }
 
 void MainWindow::showHelp() {
@@ -273,6 +311,7 @@ void MainWindow::showHelp() {
 void MainWindow::closeEvent(QCloseEvent* event) {
     if (!showsStart()) settings_.setLayout("state", saveState(kLayoutVersion));
     settings_.setLayout("geometry", saveGeometry());
+    sheet_->save(settings_.store());
     jobs_->cancel();
     next_ = nullptr;
     event->accept();

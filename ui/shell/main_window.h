@@ -16,11 +16,16 @@ class QLabel;
 class QMenu;
 class QStackedWidget;
 
+namespace fluorocut {
+enum class KeptPoint;
+}
+
 namespace fluorocut::ui {
 
 class Autosave;
 class HelpWindow;
 class JobRunner;
+class MeasureChoice;
 class MessageBar;
 class Navigator;
 class Session;
@@ -69,6 +74,7 @@ class MainWindow : public QMainWindow {
 
   private:
     void makePanels();
+    void giveTools(KeptPoint kept);
     void makeFileMenu();
     void makeEditMenu();
     void makeViewMenu();
@@ -98,6 +104,7 @@ class MainWindow : public QMainWindow {
     QStackedWidget* pages_;
     StartPage* start_;
     Sheet* sheet_ = nullptr;
+    MeasureChoice* measuring_ = nullptr;
     Navigator* navigator_;
     HelpWindow* help_ = nullptr;
     QMenu* recent_ = nullptr;

@@ -38,6 +38,9 @@ class Settings : public QObject {
     QByteArray layout(const QString& of) const { return store_.value("layout/" + of).toByteArray(); }
     void setLayout(const QString& of, const QByteArray& state) { store_.setValue("layout/" + of, state); }
 
+    // For those who keep settings of their own: the sheet.
+    QSettings& store() { return store_; }
+
   signals:
     void lookChanged(fluorocut::ui::Look look);
     void recentChanged();
