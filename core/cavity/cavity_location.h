@@ -70,6 +70,7 @@ struct CavityLocationLimits {
     double most_rotation_rad = 0.14;  // 8 degrees
     double most_view_sigmas = 4;      // by which a view's pose was corrected
     double least_evidence = 0.2;      // see ViewResidual
+    double most_contour_px = 4;       // method paper: residual of a view's contour
 
     Result<void> validate() const;
 };
@@ -100,6 +101,7 @@ struct ViewResidual {
 struct CavityLocation {
     Pose femur_from_cavity;  // where it really is, with covariance
     std::vector<ViewResidual> views;
+    int rank = 6;                              // of the motions of a body, how many the images tell
     std::vector<std::string> weak_directions;  // in words
     std::vector<std::string> warnings;
     Acceptance acceptance;

@@ -78,6 +78,23 @@ TEST(LocateCavityTest, SlowFindsTheCutThatTheCommandsMade) {
     EXPECT_LT(degreesFromRadians(error.tail<3>().norm()), 0.6);
     ASSERT_TRUE(found->covariance.has_value());
 
+    for (const nlohmann::json& view : json["views"])
+        EXPECT_LT(view["contour_residual_px"].get<double>(), 4);
+
+    // The paper's method, from the images alone: it tells what it does not see, and is not accepted for that.
+    std::vector<std::string> paper = command;
+    paper[5] = "--method";
+    paper[6] = "paper";
+    paper[8] = path("paper.json");
+    const test::Finished by_paper = cli(paper);
+    EXPECT_NE(by_paper.exit_code, 0);
+    const nlohmann::json seen = onlyJson(by_paper);
+    EXPECT_EQ(seen["method"], "paper");
+    EXPECT_EQ(seen["rank"], 5);
+    EXPECT_THAT(seen["unobservable"].dump(), HasSubstr("the rotation about the cavity's axis"));
+    EXPECT_LT(seen["views"][0]["contour_residual_px"].get<double>(), 4);
+    EXPECT_LT(seen["offset_mm"].get<double>(), 3);
+
     // Nothing was cut: the answer is not accepted.
     for (std::string& argument : command) {
         for (std::size_t at = argument.find("after"); at != std::string::npos; at = argument.find("after", at))
@@ -85,6 +102,13 @@ TEST(LocateCavityTest, SlowFindsTheCutThatTheCommandsMade) {
     }
     command[8] = path("none.json");
     EXPECT_NE(cli(command).exit_code, 0);
+}
+
+TEST(LocateCavityTest, KnowsItsMethods) {
+    const test::Finished finished = cli({"locate-cavity", "--view", "a,b,c,d,e", "--cavity", "c.stl",
+                                         "--femur-from-cavity", "p.json", "--method", "guess", "--json"});
+    EXPECT_EQ(finished.exit_code, 2);
+    EXPECT_THAT(finished.out + finished.err, HasSubstr("paper"));
 }
 
 TEST(LocateCavityTest, NamesWhatIsWrongWithAView) {

@@ -26,6 +26,16 @@ struct CorkscrewTablesRequest {
 Result<std::string> addCorkscrewTables(const CorkscrewTablesRequest& request, nlohmann::ordered_json& json,
                                        Progress& progress);
 
+struct CavityTableRequest {
+    int random_trials = 0;
+    std::uint64_t seed = 1;
+    double pixel_mm = 0.32;
+    bool imperfect_ct = false;
+};
+
+// Table 3 of the paper and random motions: likewise.
+Result<std::string> addCavityTable(const CavityTableRequest& request, nlohmann::ordered_json& json, Progress& progress);
+
 struct Table4Request {
     int trials = 3;  // random ones, beside the paper's three
     std::uint64_t seed = 1;

@@ -172,7 +172,7 @@ TEST(CavityLocation, NamesWhatDoesNotBelongTogether) {
         Rigid3::fromTranslation({900, 0, 0}) * scene.views[0].after_imager_from_femur;
     EXPECT_THAT(locate(elsewhere).error().message(), HasSubstr("view left: found a planned cavity whose shadow"));
     EXPECT_THAT(locateCavity(scene.views, patient().stem, patient().planned, nullptr).error().message(),
-                HasSubstr("ct: found none"));
+                HasSubstr("view left, image before: found none"));
     TriangleMesh open = patient().stem;
     open.triangles.pop_back();
     EXPECT_FALSE(locateCavity(scene.views, open, patient().planned, patient().ct));
