@@ -11,6 +11,7 @@
 #include "core/cavity/full_model.h"
 #include "core/cavity/paper_method.h"
 #include "core/cavity/seen_outline.h"
+#include "core/cavity/without_ct.h"
 #include "core/geometry/mesh_properties.h"
 #include "core/imaging/carm_image.h"
 
@@ -141,10 +142,9 @@ Result<CavityLocation> locateCavity(const std::vector<CavityView>& views, const 
     const Rigid3 planned = here_from_femur * planned_femur_from_cavity;
     SubProgress locating(progress, 0, 0.9);
     Result<CavityLocation> location =
-        paper ? cavity::locateByPaper(moved_views, mesh, planned, options, locating)
-        : moved_ct
-            ? cavity::locateByFullModel(moved_views, mesh, planned, moved_ct, options, locating)
-            : Result<CavityLocation>(invalidInput("ct", "none", "the CT of this femur before the cut", "give a CT"));
+        paper      ? cavity::locateByPaper(moved_views, mesh, planned, options, locating)
+        : moved_ct ? cavity::locateByFullModel(moved_views, mesh, planned, moved_ct, options, locating)
+                   : cavity::locateWithoutCt(moved_views, mesh, planned, options, locating);
     if (!location) return location;
     // The paper's has its contours already.
     const Result<void> contours =

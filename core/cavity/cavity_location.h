@@ -10,7 +10,7 @@
 //     g, h, polynomial, s   linear: attenuation scales, what scatter and gain do slowly over the image, blur
 //
 // fitted to the after-images' pixels around the cavity (Gauss-Newton, robust weights after the first iterations).
-// Without a CT the images before the cut stand in its place, each brought to the after-image's pose.
+// Without a CT the images before the cut stand in its place, each laid upon its image after (core/cavity/without_ct.h).
 //
 // Method `paper`: Yao, Taylor et al. (2000), the baseline that tables show. View by view, again and again: the image
 // before is laid upon the one after (shift, turn, scale), their difference gives the cavity's outline, the planned

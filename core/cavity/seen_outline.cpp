@@ -15,8 +15,8 @@ constexpr const char* kStep = "cavity location";
 constexpr double kMarginMm = 22;  // of the region around the cavity's shadow: there lies the bone's outer contour
 constexpr double kMaskMm = 5;     // around the shadow: so far the cavity may lie off the plan
 
-double pxPerMm(const CArm& carm, double depth_mm) {
-    return carm.focal_length_mm / (depth_mm * carm.pixel_mm.x());
+Error failed(const CavityView& view, const char* found, const char* wanted, const char* advice) {
+    return noSolution(kStep, fmt::format("view {}: {}", view.name, found), wanted, advice);
 }
 
 Image wholeLog(const Image& image, const CArm& carm) {
@@ -47,37 +47,46 @@ PlaneSimilarity similarityByPoses(const CavityView& view, const TriangleMesh& me
     return after.empty() ? PlaneSimilarity{} : bestSimilarity(after, before);
 }
 
+Result<AlignedView> alignView(const CavityView& view, const TriangleMesh& mesh, const Silhouette& silhouette,
+                              const Rigid3& planned, double margin_mm, int block_px) {
+    if (view.before.empty()) return failed(view, "no image before the cut", "one of each view", "give it, or a CT");
+    const CArm carm = view.carm.ideal();
+    const auto region = regionOf(carm, mesh, view.after_imager_from_femur * planned, margin_mm, block_px);
+    const auto outline = predictedOutline(silhouette, carm, view.after_imager_from_femur * planned);
+    if (!region || !outline) {
+        return failed(view, "a planned cavity whose shadow lies outside the image", "most of the cavity in the picture",
+                      "give the pose and the C-arm that belong to this image");
+    }
+    AlignedView aligned;
+    aligned.region = *region;
+    aligned.mask = shadowMask(*region, *outline, kMaskMm * region->px_per_mm);
+    aligned.log_before = wholeLog(view.before, view.carm);
+    aligned.log_after = wholeLog(view.after, view.carm);
+    const auto alignment = alignImages(aligned.log_before, aligned.log_after, *region, aligned.mask,
+                                       similarityByPoses(view, mesh, planned));
+    if (!alignment) {
+        return failed(view, "an image before the cut that cannot be laid upon the one after",
+                      "two images of the same bone from nearly the same pose",
+                      "see that images and poses belong together and that the bone's outer contour is in the picture");
+    }
+    aligned.before_from_after = alignment->before_from_after;
+    return aligned;
+}
+
 Result<Contour> outlineFromBefore(const CavityView& view, const TriangleMesh& mesh, const Silhouette& silhouette,
                                   const Rigid3& planned, const Rigid3& expected) {
-    const auto fail = [&](const char* found, const char* wanted, const char* advice) {
-        return noSolution(kStep, fmt::format("view {}: {}", view.name, found), wanted, advice);
-    };
-    if (view.before.empty()) return fail("no image before the cut", "one of each view", "give it, or a CT");
-    const CArm carm = view.carm.ideal();
-    const auto region = regionOf(carm, mesh, view.after_imager_from_femur * planned, kMarginMm, 1);
-    const auto planned_outline = predictedOutline(silhouette, carm, view.after_imager_from_femur * planned);
-    const auto expected_outline = predictedOutline(silhouette, carm, view.after_imager_from_femur * expected);
-    if (!region || !planned_outline || !expected_outline) {
-        return fail("a planned cavity whose shadow lies outside the image", "most of the cavity in the picture",
-                    "give the pose and the C-arm that belong to this image");
-    }
-    const double depth = (view.after_imager_from_femur * expected).translation().z();
-    const Mask mask = shadowMask(*region, *planned_outline, kMaskMm * pxPerMm(carm, depth));
-    const Image before = wholeLog(view.before, view.carm), after = wholeLog(view.after, view.carm);
-    const auto alignment = alignImages(before, after, *region, mask, similarityByPoses(view, mesh, planned));
-    if (!alignment) {
-        return fail("an image before the cut that cannot be laid upon the one after",
-                    "two images of the same bone from nearly the same pose",
-                    "see that images and poses belong together and that the bone's outer contour is in the picture");
-    }
-    const Image difference =
-        differenceFrom(alignedBefore(before, *region, alignment->before_from_after), after, *region, mask);
-    auto outline = detectedOutline(difference, *region, *expected_outline);
+    const Result<AlignedView> aligned = alignView(view, mesh, silhouette, planned, kMarginMm, 1);
+    if (!aligned) return aligned.error();
+    const Region& region = aligned->region;
+    const auto expected_outline = predictedOutline(silhouette, view.carm, view.after_imager_from_femur * expected);
+    const Image difference = differenceFrom(alignedBefore(aligned->log_before, region, aligned->before_from_after),
+                                            aligned->log_after, region, aligned->mask);
+    auto outline = expected_outline ? detectedOutline(difference, region, *expected_outline) : std::nullopt;
     if (!outline) {
-        return fail("no outline of a cavity in the difference of its images",
-                    "a cavity near where it was planned that shows in the picture after the cut",
-                    "see that the images before and after are not exchanged and that poses belong to them; take "
-                    "pictures after the cut from nearer to the poses before it");
+        return failed(view, "no outline of a cavity in the difference of its images",
+                      "a cavity near where it was planned that shows in the picture after the cut",
+                      "see that the images before and after are not exchanged and that poses belong to them; take "
+                      "pictures after the cut from nearer to the poses before it");
     }
     return *outline;
 }
@@ -88,8 +97,7 @@ std::optional<Contour> outlineFromCt(const CavityView& view, const Rigid3& image
     const auto region = regionOf(carm, mesh, imager_from_femur * expected, kMarginMm, 1);
     const auto outline = predictedOutline(silhouette, carm, imager_from_femur * expected);
     if (!region || !outline) return std::nullopt;
-    const double depth = (imager_from_femur * expected).translation().z();
-    const Mask mask = shadowMask(*region, *outline, kMaskMm / 2 * pxPerMm(carm, depth));
+    const Mask mask = shadowMask(*region, *outline, kMaskMm / 2 * region->px_per_mm);
     Image reference = ct.project(carm.cropped(region->x, region->y, region->width, region->height), imager_from_femur);
     for (float& pixel : reference.pixels())
         pixel = -pixel;

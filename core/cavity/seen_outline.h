@@ -15,6 +15,16 @@ namespace fluorocut::cavity {
 // Where the image before comes to lie upon the image after by their poses, by what lies about the cavity.
 PlaneSimilarity similarityByPoses(const CavityView& view, const TriangleMesh& mesh, const Rigid3& femur_from_cavity);
 
+struct AlignedView {
+    Region region;                // around the planned cavity's shadow
+    Mask mask;                    // of the region: in the shadow or near it
+    Image log_before, log_after;  // whole images
+    PlaneSimilarity before_from_after;
+};
+// noSolution, in words.
+Result<AlignedView> alignView(const CavityView& view, const TriangleMesh& mesh, const Silhouette& silhouette,
+                              const Rigid3& planned_femur_from_cavity, double margin_mm, int block_px);
+
 // From the image before the cut, laid upon the one after by its bone's contours (what lies in the shadow of the
 // planned cavity or a few mm from it is not looked at). noSolution, in words: no image before; it cannot be laid upon;
 // no outline is found near `expected`, where the cavity may lie.
