@@ -22,7 +22,7 @@ namespace fluorocut::cavity {
 namespace {
 
 constexpr const char* kStep = "cavity location without a CT";
-constexpr double kMarginMm = 18, kMaskMm = 5;
+constexpr double kMarginMm = 22;  // as far as the bone's outer contour
 constexpr std::array<int, 2> kBinning{4, 2};
 constexpr int kMostSteps = 12, kSettle = 3;
 constexpr double kVoxelMm = 0.8;  // of the cavity as something to project
@@ -33,7 +33,7 @@ constexpr int kSmooth = 10;       // polynomials of total degree 3, for displace
 constexpr int kShift = 6, kSlowAt = kShift + 2 * kSmooth, kContrast = kSlowAt + kSlow, kDensity = kContrast + 1,
               kBone = kDensity + kSmooth, kSoft = kBone + 1, kOfView = kSoft + 1;
 constexpr double kShiftSigmaPx = 2, kDensitySigma = 0.5, kSoftSigma = 0.5;
-constexpr int kBlockX = 12, kBlockY = 36;       // of pixels whose residuals are alike; structure runs along the bone
+constexpr int kBlockX = 16, kBlockY = 80;       // of pixels whose residuals are alike; structure runs along the bone
 constexpr double kAlike = 40;                   // pixels that count as one
 constexpr double kMostMm = 1, kMostRad = 0.03;  // of one step
 constexpr double kSettledMm = 0.005, kSettledRad = 1e-4;
