@@ -198,7 +198,7 @@ void CellEngine::finish(std::size_t index, Result<SharedImage> image) {
         const bool wanted = cell.wanted == inputs;
         if (!(cell.subject == subject)) {
             // Another view stands here by now: not its picture.
-        } else if (image && cell.missing.isEmpty()) {
+        } else if (image && cell.missing.isEmpty() && (wanted || !(cell.has == cell.wanted))) {
             cell.image = *image;
             cell.has = inputs;
             cell.finished = ++finished_;

@@ -87,18 +87,6 @@ Result<SharedImage> dewarped(const Column&, const CaseState& state, std::size_t 
     });
 }
 
-bool straightens(const CaseView& view) {
-    return mapOfView(view) != nullptr;
-}
-
-// ---- plan: the dewarped picture where there is one
-
-Result<SharedImage> plan(const Column& column, const CaseState& state, std::size_t view, ColumnMemory& memory,
-                         Progress& progress) {
-    if (!straightens(viewOf(state, view))) return viewOf(state, view).before.image;
-    return dewarped(column, state, view, memory, progress);
-}
-
 // ---- predicted
 
 std::shared_ptr<const TriangleMesh> cavityOf(const CaseState& state, int cut) {
@@ -119,7 +107,7 @@ QString predictedMissing(const Column& column, const CaseState& state, std::size
 
 Inputs solidsInputs(const CaseState& state, const std::shared_ptr<const TriangleMesh>& cavity, bool with_implant) {
     Inputs inputs;
-    if (with_implant) inputs.add(state.plan.mesh);
+    if (with_implant) inputs.add(state.plan.mesh).add(state.plan.implant);
     return inputs.add(cavity).add(with_implant ? 1 : 0);
 }
 
@@ -139,8 +127,10 @@ void predictedInputs(const CaseState& state, std::size_t view, const std::shared
     if (row.before.imager_from_femur) inputs.add(row.before.imager_from_femur->target_from_source);
 }
 
-// The plan's mesh as an implant of titanium: frame `cavity`, so that the resection is the plane z = 0.
+// A mesh of which nothing else is known is taken for titanium; in its frame (`cavity`) the resection is the plane z =
+// 0.
 Result<Implant> implantOf(const CaseState& state) {
+    if (state.plan.implant) return *state.plan.implant;
     Implant implant;
     implant.family = state.plan.family;
     implant.size = state.plan.size;
@@ -291,80 +281,78 @@ QString differenceNote(const Column& column, const CaseState& state, std::size_t
 struct Kind {
     const char* name;
     const char* title;
-    bool has_cut;
-    bool at_hand;
-    bool levels;
-    std::set<OverlayKind> overlays;  // to begin with
+    bool has_cut = false;
+    bool at_hand = false;  // costs nothing: the state holds it
+    bool levels = false;
+    std::set<OverlayKind> overlays = {};  // to begin with
     QString (*missing)(const Column&, const CaseState&, std::size_t);
     void (*inputs)(const Column&, const CaseState&, std::size_t, Inputs&);
     Result<SharedImage> (*compute)(const Column&, const CaseState&, std::size_t, ColumnMemory&, Progress&);
 };
 
-const std::vector<Kind>& kinds() {
+std::vector<Kind> makeKinds() {
     using enum OverlayKind;
-    static const std::vector<Kind> table{{"xray",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "X-ray"),
-                                          false,
-                                          true,
-                                          true,
-                                          {beads, corkscrew},
-                                          xrayMissing,
-                                          xrayInputs,
-                                          xray},
-                                         {"dewarped",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Dewarped"),
-                                          false,
-                                          false,
-                                          true,
-                                          {beads, corkscrew},
-                                          dewarpedMissing,
-                                          dewarpedInputs,
-                                          dewarped},
-                                         {"plan",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Plan"),
-                                          false,
-                                          false,
-                                          true,
-                                          {implant, stages, axis, beads, uncertainty},
-                                          xrayMissing,
-                                          dewarpedInputs,
-                                          plan},
-                                         {"predicted-cut",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Predicted after cut"),
-                                          true,
-                                          false,
-                                          true,
-                                          {stages},
-                                          predictedCutMissing,
-                                          predictedCutInputs,
-                                          predictedCut},
-                                         {"predicted",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Predicted with implant"),
-                                          false,
-                                          false,
-                                          true,
-                                          {implant},
-                                          predictedImplantMissing,
-                                          predictedImplantInputs,
-                                          predictedImplant},
-                                         {"after",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "After cut"),
-                                          true,
-                                          true,
-                                          true,
-                                          {cavity, uncertainty},
-                                          afterMissing,
-                                          afterInputs,
-                                          after},
-                                         {"difference",
-                                          QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Difference"),
-                                          true,
-                                          false,
-                                          false,
-                                          {cavity},
-                                          differenceMissing,
-                                          differenceInputs,
-                                          difference}};
+    std::vector<Kind> table;
+    table.push_back({.name = "xray",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "X-ray"),
+                     .at_hand = true,
+                     .levels = true,
+                     .overlays = {beads, corkscrew},
+                     .missing = xrayMissing,
+                     .inputs = xrayInputs,
+                     .compute = xray});
+    table.push_back({.name = "dewarped",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Dewarped"),
+                     .levels = true,
+                     .overlays = {beads, corkscrew},
+                     .missing = dewarpedMissing,
+                     .inputs = dewarpedInputs,
+                     .compute = dewarped});
+    // In the pixels that were taken, overlays bent like the picture: what the hand moves stays what was seen.
+    table.push_back({.name = "plan",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Plan"),
+                     .at_hand = true,
+                     .levels = true,
+                     .overlays = {implant, stages, axis, beads, uncertainty},
+                     .missing = xrayMissing,
+                     .inputs = xrayInputs,
+                     .compute = xray});
+    table.push_back({.name = "predicted-cut",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Predicted after cut"),
+                     .has_cut = true,
+                     .levels = true,
+                     .overlays = {stages},
+                     .missing = predictedCutMissing,
+                     .inputs = predictedCutInputs,
+                     .compute = predictedCut});
+    table.push_back({.name = "predicted",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Predicted with implant"),
+                     .levels = true,
+                     .overlays = {implant},
+                     .missing = predictedImplantMissing,
+                     .inputs = predictedImplantInputs,
+                     .compute = predictedImplant});
+    table.push_back({.name = "after",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "After cut"),
+                     .has_cut = true,
+                     .at_hand = true,
+                     .levels = true,
+                     .overlays = {cavity, uncertainty},
+                     .missing = afterMissing,
+                     .inputs = afterInputs,
+                     .compute = after});
+    table.push_back({.name = "difference",
+                     .title = QT_TRANSLATE_NOOP("fluorocut::ui::Column", "Difference"),
+                     .has_cut = true,
+                     .overlays = {cavity},
+                     .missing = differenceMissing,
+                     .inputs = differenceInputs,
+                     .compute = difference});
+    return table;
+}
+
+const std::vector<Kind>& kinds() {
+    static const std::vector<Kind> table = makeKinds();
     return table;
 }
 
@@ -477,8 +465,7 @@ Picture pictureOf(const Column& column, const CaseState& state, std::size_t view
     picture.imager_from_femur = taken.imager_from_femur;
     picture.imager_from_corkscrew = taken.imager_from_corkscrew;
     if (after_cut) picture.cut = cutOf(column, row);
-    if ((column.kind == "dewarped" || column.kind == "plan") && straightens(row))
-        picture.carm = straightened(*mapOfView(row), row.carm);
+    if (column.kind == "dewarped" && mapOfView(row)) picture.carm = straightened(*mapOfView(row), row.carm);
     return picture;
 }
 

@@ -65,6 +65,12 @@ void ImageView::replaceImage(std::shared_ptr<const Image> image) {
     render();
 }
 
+void ImageView::setTitle(const QString& title) {
+    if (title == title_) return;
+    title_ = title;
+    update();
+}
+
 void ImageView::setMessage(const QString& message, std::optional<double> progress) {
     message_ = message;
     progress_ = progress;
@@ -233,7 +239,7 @@ void ImageView::paintCorners(QPainter& painter) const {
     if (cursor_) paintPlate(painter, area, Qt::AlignBottom | Qt::AlignLeft, readOut(*cursor_));
     std::optional<double> screen_px_per_mm;
     if (marks_.px_per_mm) screen_px_per_mm = zoom_ * *marks_.px_per_mm;
-    paintMarks(painter, area, marks_, screen_px_per_mm, mirrored_, 1);
+    paintMarks(painter, area, marks_, screen_px_per_mm, mirrored_, title_.isEmpty() ? 0 : 1);
 }
 
 void ImageView::paintMessage(QPainter& painter) const {

@@ -52,6 +52,7 @@ class ImageView : public QWidget {
 
     const std::shared_ptr<const Image>& image() const { return image_; }
     const QString& title() const { return title_; }
+    void setTitle(const QString& title);
     const QString& message() const { return message_; }
     DisplayWindow displayWindow() const { return window_; }
     void setDisplayWindow(const DisplayWindow& window);

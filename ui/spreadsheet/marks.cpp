@@ -22,8 +22,7 @@ struct Place {
 
 std::optional<Place> placeOf(const CaseState& state) {
     if (state.plan.mesh && !state.plan.mesh->vertices.empty())
-        return Place{state.plan.femur_from_implant * Vector3(boundsOf(*state.plan.mesh).center()),
-                     tr("at the implant")};
+        return Place{state.plan.femur_from_implant * Vector3(boundsOf(state.plan.mesh).center()), tr("at the implant")};
     if (state.canal) return Place{0.5 * (state.canal->distal + state.canal->proximal), tr("at the canal")};
     if (!state.beads.empty()) {
         const Vector3 sum = std::accumulate(state.beads.begin(), state.beads.end(), Vector3(Vector3::Zero()));

@@ -93,8 +93,8 @@ void addUncertainty(const CaseState& state, const Picture& picture, Overlay& ove
         const bool was_found = cut > 0 && cut <= state.found_cavities.size();
         Pose where{Frame::femur, Frame::cavity, plan.femur_from_implant, std::nullopt};
         if (was_found) where = state.found_cavities[cut - 1];
-        const Eigen::AlignedBox3d bounds = boundsOf(plan.mesh ? *plan.mesh : *plan.cavities.back());
-        addEllipse(where, {0, 0, bounds.min().z()}, picture, overlay);  // the tip
+        const Eigen::AlignedBox3d bounds = boundsOf(plan.mesh ? plan.mesh : plan.cavities.back());
+        if (!bounds.isEmpty()) addEllipse(where, {0, 0, bounds.min().z()}, picture, overlay);  // the tip
         addEllipse(where, Vector3::Zero(), picture, overlay);
     }
     for (const Vector3& bead : state.beads)
@@ -178,9 +178,13 @@ void Silhouettes::startNext() {
                           });
 }
 
-Eigen::AlignedBox3d boundsOf(const TriangleMesh& mesh) {
-    Eigen::AlignedBox3d bounds;
-    for (const Vector3& vertex : mesh.vertices)
+Eigen::AlignedBox3d boundsOf(const std::shared_ptr<const TriangleMesh>& mesh) {
+    static thread_local std::weak_ptr<const TriangleMesh> latest;
+    static thread_local Eigen::AlignedBox3d bounds;
+    if (mesh && latest.lock() == mesh) return bounds;
+    latest = mesh;
+    bounds.setEmpty();
+    for (const Vector3& vertex : mesh->vertices)
         bounds.extend(vertex);
     return bounds;
 }
@@ -198,6 +202,10 @@ Overlay overlayOf(OverlayKind kind, const CaseState& state, const Picture& pictu
     switch (kind) {
         case OverlayKind::implant:
             addOutline(plan.mesh, picture.carm, imager_from_implant, Ink::implant, silhouettes, overlay);
+            // The head, where it is known; it lives as long as the implant that it is a part of.
+            for (std::size_t p = 1; plan.implant && p < plan.implant->parts.size(); ++p)
+                addOutline({plan.implant, &plan.implant->parts[p].mesh}, picture.carm, imager_from_implant,
+                           Ink::implant, silhouettes, overlay);
             break;
         case OverlayKind::stages:
             for (const auto& cavity : plan.cavities)
@@ -208,7 +216,7 @@ Overlay overlayOf(OverlayKind kind, const CaseState& state, const Picture& pictu
                 addLine(state.canal->distal, state.canal->proximal, picture.carm, imager_from_femur, Ink::axis,
                         overlay);
             if (plan.mesh && !plan.mesh->vertices.empty()) {
-                const Eigen::AlignedBox3d bounds = boundsOf(*plan.mesh);
+                const Eigen::AlignedBox3d bounds = boundsOf(plan.mesh);
                 addLine({0, 0, bounds.min().z()}, {0, 0, bounds.max().z()}, picture.carm, imager_from_implant,
                         Ink::implant, overlay);
             }

@@ -66,8 +66,8 @@ class Silhouettes : public QObject {
     JobRunner jobs_;
 };
 
-// Empty for a mesh without vertices.
-Eigen::AlignedBox3d boundsOf(const TriangleMesh& mesh);
+// Empty for a mesh without vertices. Asked for again and again while something is dragged: the latest is remembered.
+Eigen::AlignedBox3d boundsOf(const std::shared_ptr<const TriangleMesh>& mesh);
 
 Overlay overlayOf(OverlayKind kind, const CaseState& state, const Picture& picture, Silhouettes& silhouettes);
 

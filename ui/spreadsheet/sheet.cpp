@@ -18,7 +18,6 @@ namespace {
 constexpr int kLeastWidth = 200, kLeastHeight = 180;  // of a cell
 constexpr int kGap = 2;
 constexpr int kRowHeader = 148, kColumnHeader = 30;
-constexpr int kHeaderLines = 300;  // a cell this wide has room for its view's figures
 
 // Lengths that share `available` as their weights say, none below `least`.
 std::vector<int> shared(const std::vector<double>& weights, int available, int least) {
@@ -68,6 +67,7 @@ Sheet::Sheet(Session& session, QWidget* parent)
             updateVisible();
         });
     area_->viewport()->installEventFilter(this);
+    area_->installEventFilter(this);  // before it scrolls with the arrow keys that no cell took
     const auto drag = [this](std::vector<double>& weights, Qt::Orientation orientation, int index, int by) {
         const auto& spans = (orientation == Qt::Horizontal ? column_header_ : row_header_)->spans();
         const int least = orientation == Qt::Horizontal ? kLeastWidth : kLeastHeight;
@@ -156,7 +156,9 @@ void Sheet::rebuildCells() {
     if (current_ && !cells_.contains(*current_)) current_.reset();
     row_weights_.resize(state_->views.size(), row_weights_.empty() ? 1.0 : row_weights_.front());
     if (column_weights_.size() != columns.size()) column_weights_.assign(columns.size(), 1.0);
-    setTools(tool_factory_);
+    std::erase_if(tools_, [&](const auto& tool) { return !cells_.contains(tool.first); });
+    for (const auto& [key, cell] : cells_)
+        equip(key);
     updateHeaders();
     layOut();
     for (const auto& [key, cell] : cells_)
@@ -244,21 +246,26 @@ void Sheet::updateVisible() {
     refreshOverlays();
 }
 
+// Alone it has to say what it is; in the grid the headers do.
+QString Sheet::cellTitle(const CellKey& key) const {
+    if (maximised_ != key) return {};
+    return QStringLiteral("%1, %2").arg(QString::fromStdString(state_->views[key.view].name),
+                                        titleOf(*column(key.column)));
+}
+
 void Sheet::showPicture(const CellKey& key) {
     const auto found = cells_.find(key);
     if (found == cells_.end()) return;
     ImageView& cell = *found->second;
-    const Column* of = column(key.column);
-    if (!of || key.view >= state_->views.size()) return;
+    if (!column(key.column) || key.view >= state_->views.size()) return;
     const CellPicture picture = engine_.picture(key);
-    const QString title = titleOf(*of);
-    if (picture.image != cell.image() || cell.title() != title) {
+    if (picture.image != cell.image()) {
         following_ = true;  // none of this is done by hand
         const bool first = !cell.image();
-        if (!first && picture.image && cell.title() == title)
+        if (!first && picture.image)
             cell.replaceImage(picture.image);
         else
-            cell.setImage(picture.image, title);
+            cell.setImage(picture.image, cellTitle(key));
         if (first && picture.image) adoptFromLinked(key);
         following_ = false;
     }
@@ -275,7 +282,8 @@ void Sheet::showMarks(const CellKey& key) {
     ImageView& cell = *cells_.at(key);
     const Column& of = *column(key.column);
     ViewMarks marks = marksOf(*state_, key.view, fluorocut::ui::pictureOf(of, *state_, key.view));
-    if (cell.width() < kHeaderLines) marks.header.clear();
+    if (maximised_ != key) marks.header.clear();  // it stands at the head of the row
+    cell.setTitle(cellTitle(key));
     if (const QString note = noteOf(of, *state_, key.view); !note.isEmpty()) marks.header << note;
     if (engine_.picture(key).stale) marks.stale = tr("being worked out anew");
     cell.setMarks(marks);
@@ -348,12 +356,17 @@ void Sheet::setTools(ToolFactory factory) {
         cell->setTool(nullptr);
     tools_.clear();
     tool_factory_ = std::move(factory);
-    if (!tool_factory_) return;
-    for (auto& [key, cell] : cells_) {
-        auto [tool, is_new] = tools_.try_emplace(key.view);
-        if (is_new) tool->second = tool_factory_(key.view);
-        cell->setTool(tool->second.get());
-    }
+    for (const auto& [key, cell] : cells_)
+        equip(key);
+}
+
+void Sheet::equip(const CellKey& key) {
+    if (!tool_factory_ || tools_.contains(key)) return;
+    const Picture picture = fluorocut::ui::pictureOf(*column(key.column), *state_, key.view);
+    if (picture.cut > 0 || picture.carm.distortion != state_->views[key.view].carm.distortion) return;
+    std::unique_ptr<ViewTool>& tool = tools_[key];
+    tool = tool_factory_(key.view);
+    cells_.at(key)->setTool(tool.get());
 }
 
 void Sheet::setExtraOverlay(ExtraOverlay extra) {
@@ -416,6 +429,13 @@ bool Sheet::eventFilter(QObject* object, QEvent* event) {
         if (event->type() == QEvent::Resize) layOut();
         return false;
     }
+    if (object == area_) {
+        if (event->type() != QEvent::KeyPress) return false;
+        const auto* key = static_cast<QKeyEvent*>(event);
+        const bool arrow = key->key() >= Qt::Key_Left && key->key() <= Qt::Key_Down;
+        const bool always = key->modifiers() & (Qt::AltModifier | Qt::ControlModifier);
+        return arrow && (always || !arrows_are_tools_) && travel(key->key());
+    }
     const auto* cell = qobject_cast<ImageView*>(object);
     if (!cell) return false;
     switch (event->type()) {
@@ -434,14 +454,6 @@ bool Sheet::eventFilter(QObject* object, QEvent* event) {
                 showPointing();
             }
             return false;
-        case QEvent::KeyPress: {
-            const auto* key = static_cast<QKeyEvent*>(event);
-            const bool arrow = key->key() >= Qt::Key_Left && key->key() <= Qt::Key_Down;
-            const bool plain = (key->modifiers() & ~Qt::KeypadModifier) == Qt::NoModifier;
-            if (arrow && (key->modifiers() & Qt::ControlModifier || (plain && !arrows_are_tools_)))
-                return travel(key->key());
-            return false;
-        }
         default:
             return false;
     }
@@ -458,6 +470,7 @@ void Sheet::keyPressEvent(QKeyEvent* event) {
 
 void Sheet::resizeEvent(QResizeEvent* event) {
     QWidget::resizeEvent(event);
+    fitToolbar();
     layOut();
 }
 
@@ -527,7 +540,7 @@ void Sheet::setShown(OverlayKind kind, bool shown) {
 
 void Sheet::pointAt(const CellKey& from, std::optional<QPointF> pixel) {
     const bool left = std::exchange(leaving_, false);
-    if (pixel && from.view < state_->views.size()) {
+    if (pixel && column(from.column) && from.view < state_->views.size()) {
         pointing_.pointAt(
             {from.view, fluorocut::ui::pictureOf(*column(from.column), *state_, from.view), {pixel->x(), pixel->y()}});
     } else if (!left) {

@@ -2,9 +2,9 @@
 // ImageViews, worked out by a CellEngine.
 //
 //   double click, Enter   one cell alone, and back (Escape)
-//   arrows, Tab           from cell to cell (arrows: unless a tool wants them, then with Ctrl)
-//   Shift and move        epipolar lines in the other views; the point in space once two views fix it: point in one,
-//                         go over to another with Shift still held
+//   arrows, Tab           from cell to cell, unless the cell's tool takes them (nudges); with Alt always
+//   Shift and move        epipolar lines in the other views, and the point in space once two views fix it: point in
+//                         one, go over to another with Shift still held
 //   drag a border between two headers   their sizes; a column's header has a menu: hide, move, change, remove, add
 //
 // Zoom and window follow each other along a row, along a column, or not (Link). Windows are shared only among pictures
@@ -71,10 +71,11 @@ class Sheet : public QWidget {
     void showAll();
     std::optional<CellKey> maximised() const { return maximised_; }
 
-    // ---- tools: one for each view, serving all cells of its row. Null: none.
+    // ---- tools: one for each cell that shows its view as it was taken before the cuts; pictures after a cut (whose
+    // plan is fixed) and straightened ones have none. Null: none.
     using ToolFactory = std::function<std::unique_ptr<ViewTool>(std::size_t view)>;
     void setTools(ToolFactory factory);
-    // Whether the arrow keys belong to the tool; then Ctrl and an arrow go from cell to cell.
+    // Whether arrow keys are the tools' even when none takes them; those with Ctrl or Alt still go from cell to cell.
     void setArrowsAreTools(bool are) { arrows_are_tools_ = are; }
     // Something else to be drawn over a view's cells: handles, measures. Asked for at every refresh.
     using ExtraOverlay = std::function<Overlay(std::size_t view, const Picture&)>;
@@ -110,14 +111,17 @@ class Sheet : public QWidget {
     void keyPressEvent(QKeyEvent* event) override;
 
   private:
+    void equip(const CellKey& key);
     void makeToolbar();
     void updateToolbar();
+    void fitToolbar();
     void refresh();
     void rebuildCells();
     void updateHeaders();
     void layOut();
     void layOutHeaders();
     void updateVisible();
+    QString cellTitle(const CellKey& key) const;
     void showPicture(const CellKey& key);
     void showMarks(const CellKey& key);
     void connectCell(const CellKey& key, ImageView* cell);
@@ -148,12 +152,14 @@ class Sheet : public QWidget {
     ExtraOverlay extra_;
 
     std::map<CellKey, ImageView*> cells_;
-    std::map<std::size_t, std::unique_ptr<ViewTool>> tools_;
+    std::map<CellKey, std::unique_ptr<ViewTool>> tools_;
     std::set<CellKey> on_screen_;
     std::optional<CellKey> current_, maximised_;
     std::vector<double> row_weights_, column_weights_;
 
     QWidget* toolbar_ = nullptr;
+    QWidget* link_label_ = nullptr;
+    int toolbar_room_ = 0;  // that its texts need
     std::map<OverlayKind, QToolButton*> overlay_buttons_;
     std::map<Link, QToolButton*> link_buttons_;
     QScrollArea* area_ = nullptr;

@@ -55,16 +55,18 @@ void Sheet::makeToolbar() {
         button->setIcon(swatch(inkOf(kind)));
         button->setIconSize({28, 16});
         button->setObjectName(QStringLiteral("overlay-%1").arg(QString::fromLatin1(name(kind))));
-        button->setToolTip(tr("Show or hide in all columns that have it"));
+        button->setToolTip(tr("%1: show or hide in all columns that have it").arg(fluorocut::ui::titleOf(kind)));
         connect(button, &QToolButton::clicked, this, [this, kind](bool on) { setShown(kind, on); });
         row->addWidget(button);
         overlay_buttons_[kind] = button;
     }
     row->addStretch(1);
-    row->addWidget(new QLabel(tr("Link zoom and window:"), toolbar_));
+    link_label_ = new QLabel(tr("Link zoom and window:"), toolbar_);
+    row->addWidget(link_label_);
     for (const auto& [link, text] :
          {std::pair(Link::none, tr("none")), std::pair(Link::row, tr("row")), std::pair(Link::column, tr("column"))}) {
         QToolButton* button = makeSwitch(text, toolbar_);
+        button->setToolTip(tr("Which cells zoom and window follow each other in"));
         button->setObjectName(QStringLiteral("link-%1").arg(QString::fromLatin1(kLinks[static_cast<int>(link)])));
         connect(button, &QToolButton::clicked, this, [this, chosen = link] { setLink(chosen); });
         row->addWidget(button);
@@ -79,6 +81,16 @@ void Sheet::makeToolbar() {
     columns->setMenu(menu);
     row->addWidget(columns);
     updateToolbar();
+    toolbar_room_ = toolbar_->sizeHint().width();
+    toolbar_->setMinimumWidth(1);  // it must not keep the window wide
+}
+
+// In a narrow sheet the switches show their lines without words.
+void Sheet::fitToolbar() {
+    const bool narrow = width() < toolbar_room_;
+    for (const auto& [kind, button] : overlay_buttons_)
+        button->setToolButtonStyle(narrow ? Qt::ToolButtonIconOnly : Qt::ToolButtonTextBesideIcon);
+    link_label_->setVisible(!narrow);
 }
 
 void Sheet::updateToolbar() {
