@@ -30,7 +30,9 @@ std::optional<HipCenters> hipOf(const CaseState& state, const std::optional<Line
     }
     const Result<UncertainPoint> own = headCenterOf(state);
     if (!own) {
-        why = QString::fromStdString(own.error().message());
+        why = state.head_center.size() < 2
+                  ? tr("Choose Head centre and click the middle of the femur's own head in two registered views.")
+                  : QString::fromStdString(own.error().message());
         return std::nullopt;
     }
     hip.head_reference = *own;
@@ -88,7 +90,8 @@ std::vector<NamedMeasure> measuresOf(const CaseState& state, const std::optional
     QString why;
     const auto hip = hipOf(state, canal, why);
     all.push_back({tr("Leg length"), hip ? legLengthChange(*hip) : missing(why), {}});
-    all.push_back({tr("Offset"), hip ? offsetChange(*hip) : missing(why), {}});
+    // The same is missing for both: said once.
+    all.push_back({tr("Offset"), hip ? offsetChange(*hip) : Measure{}, {}});
     int lengths = 0, angles = 0;
     for (std::size_t i = 0; i < state.measures.size(); ++i) {
         const PlacedMeasure& placed = state.measures[i];

@@ -63,6 +63,9 @@ void NumberField::show(const NumberState& state) {
     box_->setRange(std::min(state.low, state.value), std::max(state.high, state.value));
     box_->setSingleStep(state.step);
     box_->setSuffix(state.unit);
+    // One below the other, all are equally wide.
+    box_->setMinimumWidth(box_->fontMetrics().horizontalAdvance(QStringLiteral("-100.00 mm")) +
+                          2 * box_->fontMetrics().height());
     box_->setValue(state.value);
     box_->setReadOnly(state.fixed);
     box_->setEnabled(!state.fixed);
