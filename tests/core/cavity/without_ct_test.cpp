@@ -63,7 +63,7 @@ TEST(WithoutCt, OtherPosesTellLess) {
     EXPECT_LT(error.dot(found->femur_from_cavity.covariance->ldlt().solve(error)), 16.8);  // 99 % of chi-square's
 }
 
-TEST(WithoutCt, AcceptsNothingWhereNothingWasCut) {
+TEST(WithoutCt, AcceptsNothingWhereNothingWasCutSlow) {
     test::TubeScene scene = tubeScene(offset(), poseWay(1));
     std::vector<CavityView> swapped = scene.views, uncut = scene.views;
     for (CavityView& view : swapped) {
