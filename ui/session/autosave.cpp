@@ -84,23 +84,23 @@ void Autosave::work() {
 }
 
 Result<void> Autosave::write(const Task& task) {
-    if (task.fresh || task.file != writers_file_ || !writer_) {
-        writer_.reset();  // and its lock
-        writers_file_ = task.file;
-        std::error_code failed;
-        if (task.fresh) {
-            if (!task.file.parent_path().empty()) fs::create_directories(task.file.parent_path(), failed);
-            if (failed)
-                return outputFailed(task.file.parent_path().string(), failed.message(), "choose another folder");
-            if (const Result<void> written = writeCase(task.file, *task.state); !written) return written;
-        }
-        Result<CaseWriter> writer = fs::exists(task.file, failed) ? CaseWriter::append(task.file)
-                                                                  : CaseWriter::create(task.file, task.state->patient);
-        if (!writer) return writer.error();
-        writer_.emplace(std::move(*writer));
-        if (task.fresh) return {};
+    if (!task.fresh && task.file == writers_file_ && writer_) return writer_->write(*task.state, task.edit);
+    writer_.reset();  // and its lock
+    writers_file_ = task.file;
+    std::error_code failed;
+    // Also when an earlier edit could not make it.
+    const bool fresh = task.fresh || !fs::exists(task.file, failed);
+    if (fresh) {
+        const fs::path folder = task.file.parent_path();
+        failed.clear();
+        if (!folder.empty()) fs::create_directories(folder, failed);
+        if (failed) return outputFailed(folder.string(), failed.message(), "choose another folder");
+        if (const Result<void> written = writeCase(task.file, *task.state); !written) return written;
     }
-    return writer_->write(*task.state, task.edit);
+    Result<CaseWriter> writer = CaseWriter::append(task.file);
+    if (!writer) return writer.error();
+    writer_.emplace(std::move(*writer));
+    return fresh ? Result<void>() : writer_->write(*task.state, task.edit);
 }
 
 }  // namespace fluorocut::ui

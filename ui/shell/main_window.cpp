@@ -159,7 +159,6 @@ void MainWindow::makePanels() {
 }
 
 void MainWindow::giveTools(KeptPoint kept) {
-    sheet_->setArrowsAreTools(true);
     sheet_->setTools([this, kept](std::size_t view) -> std::unique_ptr<ViewTool> {
         auto tool = std::make_unique<PlanningTool>(session_, *measuring_, ImagePlace{view});
         tool->implant().setKeptPoint(kept);
