@@ -8,7 +8,9 @@
 #include "core/geometry/primitives.h"
 #include "ui/scene/scene_renderer.h"
 
-namespace fluorocut::ui::test {
+namespace fluorocut::test {
+
+using ui::SceneItem;
 
 inline SceneItem thing(const TriangleMesh& mesh, const QColor& color, const Rigid3& place = {}) {
     SceneItem item;
@@ -39,4 +41,4 @@ class Covered {
     QImage picture_, empty_;
 };
 
-}  // namespace fluorocut::ui::test
+}  // namespace fluorocut::test
