@@ -118,7 +118,7 @@ TEST(SettingsFile, RecentFilesAreTheNewestThatAreStillThere) {
     Settings settings(QString::fromStdString((folder / "s.ini").string()));
     QStringList files;
     for (int i = 0; i < Settings::kMostRecent + 3; ++i) {
-        files << QString::fromStdString((folder / ("f" + std::to_string(i))).string());
+        files << QString::fromStdString(folder.path().string()) + QString("/f%1").arg(i);
         QFile(files.last()).open(QIODevice::WriteOnly);
         settings.addRecent(files.last());
     }
