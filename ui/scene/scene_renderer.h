@@ -35,8 +35,7 @@ struct ChosenRenderer {
     QString why_no_opengl;
 };
 
-// automatic: the CPU; with FLUOROCUT_SCENE=opengl in the environment OpenGL, or else the CPU. (OpenGL does not draw
-// what is translucent yet.)
+// automatic: OpenGL, or else the CPU. The environment variable FLUOROCUT_SCENE=cpu makes it the CPU.
 ChosenRenderer makeSceneRenderer(SceneBackend backend);
 
 }  // namespace fluorocut::ui

@@ -59,13 +59,17 @@ class NearestLayerPass : public vtkRenderPass {
 
     void Render(const vtkRenderState* state) override {
         vtkRenderer* renderer = state->GetRenderer();
-        auto* window = vtkOpenGLRenderWindow::SafeDownCast(renderer->GetRenderWindow());
+        vtkOpenGLState* gl = vtkOpenGLRenderWindow::SafeDownCast(renderer->GetRenderWindow())->GetState();
+        // What lies exactly at the depth that was written just before is what is to be seen.
+        const vtkOpenGLState::ScopedglDepthFunc restored(gl);
+        constexpr unsigned int kLessOrEqual = 0x0203;  // GL_LEQUAL; VTK draws with GL_LESS
+        gl->vtkglDepthFunc(kLessOrEqual);
         for (int i = 0; i < state->GetPropArrayCount(); ++i) {
             vtkProp* prop = state->GetPropArray()[i];
             if (!prop->HasTranslucentPolygonalGeometry()) continue;
-            window->GetState()->vtkglColorMask(false, false, false, false);
+            gl->vtkglColorMask(false, false, false, false);
             prop->RenderTranslucentPolygonalGeometry(renderer);
-            window->GetState()->vtkglColorMask(true, true, true, true);
+            gl->vtkglColorMask(true, true, true, true);
             prop->RenderTranslucentPolygonalGeometry(renderer);
         }
     }

@@ -114,6 +114,19 @@ TEST_F(CanvasTest, AKindThatIsSwitchedOffIsNeitherDrawnNorFitted) {
     EXPECT_GT(qRed(with), qRed(without) + 100);
 }
 
+TEST_F(CanvasTest, SaysWhyThereIsNoOpenGl) {
+    qputenv("FLUOROCUT_SCENE", "cpu");
+    SceneCanvas canvas;
+    canvas.resize(400, 300);
+    canvas.setScene(canvas_.scene());
+    canvas.grab();
+    qunsetenv("FLUOROCUT_SCENE");
+    EXPECT_FALSE(canvas.whyNoOpenGL().isEmpty());
+    // In the lower right corner, where a canvas that was told to be without has nothing.
+    const QRect corner(250, 265, 145, 30);
+    EXPECT_NE(canvas.grab(corner).toImage(), canvas_.grab(corner).toImage());
+}
+
 CaseState smallCase() {
     CaseState state;
     state.side = "right";
