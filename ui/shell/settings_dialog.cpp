@@ -34,6 +34,7 @@ SettingsDialog::SettingsDialog(Settings& settings, QWidget* parent)
     connect(language_, QOverload<int>::of(&QComboBox::currentIndexChanged), &settings,
             [this, &settings] { settings.setLanguage(language_->currentData().toString()); });
     auto* later = new QLabel(tr("The language changes at the next start."), this);
+    later->setWordWrap(true);
     later->setForegroundRole(QPalette::PlaceholderText);
 
     folder_->setText(settings.caseFolder());

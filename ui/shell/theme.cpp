@@ -2,6 +2,7 @@
 
 #include <QApplication>
 #include <QFont>
+#include <QFontMetrics>
 #include <QPalette>
 #include <QScreen>
 #include <QStyleFactory>
@@ -50,6 +51,9 @@ QString styleOf(const Shades& shades, int target) {
     // What can be pressed is at least `target` high; 0: as the style has it.
     const QString height = target > 0 ? QString("min-height: %1px;").arg(target) : QString();
     const QString width = target > 0 ? QString("min-width: %1px;").arg(target) : QString();
+    // An item of a menu knows no least height: it is made of a line and what is around it.
+    const int line = QFontMetrics(QApplication::font()).height();
+    const QString around = target > 0 ? QString("padding: %1px 16px;").arg((target - line + 1) / 2) : QString();
     return QString(
                "QMenuBar { background: %1; } QMenuBar::item { padding: 5px 10px; background: transparent; }"
                "QMenuBar::item:selected { background: %2; }"
@@ -67,8 +71,8 @@ QString styleOf(const Shades& shades, int target) {
            QString(
                "QPushButton { padding: 5px 12px; } QPushButton[primary=\"true\"] { padding: 8px 18px; }"
                "QPushButton, QComboBox, QSpinBox, QDoubleSpinBox, QLineEdit, QCheckBox { %1 }"
-               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %1 } QTabBar::tab { %1 }")
-               .arg(height, width);
+               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %3 } QTabBar::tab { %1 }")
+               .arg(height, width, around);
 }
 
 }  // namespace

@@ -106,7 +106,7 @@ TEST_F(Translation, NothingOfTheShellIsLeftOutOrCutOff) {
     dialog.show();
     QApplication::processEvents();
     look(dialog);
-    EXPECT_GT(texts_, 40);
+    EXPECT_GE(texts_, 40);  // or something was not looked at
     QSignalSpy opened(&window, &MainWindow::opened);
     window.openSample();
     ASSERT_TRUE(opened.wait());
