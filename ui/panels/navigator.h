@@ -30,6 +30,10 @@ class Navigator : public QListWidget {
     void setRows(const std::vector<NavigatorRow>& rows);
     const std::vector<NavigatorRow>& rows() const { return rows_; }
 
+    // Wide enough for a step's name, whatever the font.
+    QSize sizeHint() const override { return {22 * fontMetrics().averageCharWidth() + 60, 400}; }
+    QSize minimumSizeHint() const override { return {16 * fontMetrics().averageCharWidth() + 50, 100}; }
+
   signals:
     void stepChosen(int row);
 

@@ -18,7 +18,9 @@
 
 #include "ui/panels/measure_tool.h"
 #include "ui/panels/navigator.h"
+#include "ui/panels/plan_inspector.h"
 #include "ui/panels/planning_tool.h"
+#include "ui/scene/scene_view.h"
 #include "ui/session/autosave.h"
 #include "ui/session/case_files.h"
 #include "ui/session/job_runner.h"
@@ -29,13 +31,6 @@
 #include "ui/shell/settings.h"
 #include "ui/shell/start_page.h"
 #include "ui/spreadsheet/sheet.h"
-
-#if __has_include("ui/panels/plan_inspector.h")
-#include "ui/panels/plan_inspector.h"
-#endif
-#if __has_include("ui/scene/scene_view.h")
-#include "ui/scene/scene_view.h"
-#endif
 
 namespace fluorocut::ui {
 namespace {
@@ -140,22 +135,17 @@ void MainWindow::makePanels() {
     };
     dock("procedure", tr("Procedure"), navigator_, Qt::LeftDockWidgetArea);
     navigator_->setProperty("helpPage", "procedure");
-#if __has_include("ui/panels/plan_inspector.h")
     auto* inspector = new PlanInspector(session_, *measuring_, this);
     inspector->setProperty("helpPage", "planning");
     dock("plan", tr("Plan"), inspector, Qt::RightDockWidgetArea);
     const auto kept = [inspector] { return inspector->keptPoint(); };
     connect(inspector, &PlanInspector::keptPointChanged, this, [this, kept] { giveTools(kept()); });
     giveTools(kept());
-#else
-    giveTools(KeptPoint::resection);
-#endif
-#if __has_include("ui/scene/scene_view.h")
     auto* scene = new SceneView(session_, this);
     scene->setProperty("helpPage", "scene");
     dock("scene", tr("3D"), scene, Qt::RightDockWidgetArea);
-#endif
-    resizeDocks({docks_[0]}, {210}, Qt::Horizontal);
+    // The plan has a scroll bar, the scene has not.
+    resizeDocks({docks_[1], docks_[2]}, {55, 45}, Qt::Vertical);
 }
 
 void MainWindow::giveTools(KeptPoint kept) {
@@ -295,8 +285,16 @@ void MainWindow::arrangeFor(const QString& part) {
     showCase();
     restoreState(first_layout_, kLayoutVersion);
     if (part == "procedure") navigator_->setCurrentRow(3);
-    for (QDockWidget* dock : docks_)
-        if (part == "scene" && dock->objectName() == "scene") resizeDocks({dock}, {width() / 2}, Qt::Horizontal);
+    if (part == "scene") {
+        docks_[0]->hide();
+        docks_[1]->hide();
+        resizeDocks({docks_[2]}, {width() * 3 / 5}, Qt::Horizontal);
+    }
+    if (part == "planning" || part == "or-mode") {
+        for (const Column& column : sheet_->columns())
+            if (column.kind == "plan") sheet_->maximise({0, column.id});
+    }
+    if (part == "or-mode") docks_[2]->hide();
 }
 
 void MainWindow::showHelp() {

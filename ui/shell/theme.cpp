@@ -71,8 +71,10 @@ QString styleOf(const Shades& shades, int target) {
            QString(
                "QPushButton { padding: 5px 12px; } QPushButton[primary=\"true\"] { padding: 8px 18px; }"
                "QPushButton, QComboBox, QSpinBox, QDoubleSpinBox, QLineEdit, QCheckBox { %1 }"
-               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %3 } QTabBar::tab { %1 }")
-               .arg(height, width, around);
+               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %3 } QTabBar::tab { %1 }"
+               "QDockWidget { font-size: %4pt; }")
+               .arg(height, width, around)
+               .arg(QApplication::font().pointSize());
 }
 
 }  // namespace
