@@ -39,6 +39,12 @@
 
 namespace fluorocut {
 
+// Something that the CT does not have as the image shows it: a bead, a screw's head.
+struct CoveredDisc {
+    Vector2 center_px = Vector2::Zero();
+    double radius_px = 0;
+};
+
 struct CavityView {
     std::string name;
     Image after;
@@ -46,6 +52,7 @@ struct CavityView {
     Rigid3 after_imager_from_femur;
     Image before = {};  // of the same C-arm, before the cut; empty: none
     Rigid3 before_imager_from_femur = {};
+    std::vector<CoveredDisc> covered = {};  // of the image after: these pixels say nothing (method full with a CT)
 };
 
 enum class CavityMethod { full, paper };

@@ -14,6 +14,7 @@
 namespace fluorocut::cavity {
 namespace {
 
+constexpr float kCovered = 1e6F;       // noise of pixels that something else covers
 constexpr double kLeastNoise = 0.002;  // of the logarithm: no model of an image is better
 constexpr std::size_t kLevels = 8;     // of brightness, at which the residual's size is asked
 
@@ -84,6 +85,17 @@ void ViewModel::prepare(int binning) {
     binning_ = binning;
     log_seen_ = logOf(given->after, region, binning);
     basis_ = slowBasis(carm.columns, carm.rows);
+    clear_ = Eigen::VectorXf::Ones(basis_.rows());
+    for (const CoveredDisc& disc : given->covered) {
+        for (int y = 0; y < carm.rows; ++y) {
+            for (int x = 0; x < carm.columns; ++x) {
+                const Vector2 middle =
+                    Vector2(region.x, region.y) + binning * Vector2(x + 0.5, y + 0.5) - Vector2::Constant(0.5);
+                if ((middle - disc.center_px).norm() < disc.radius_px + 0.7 * (binning - 1))
+                    clear_[static_cast<Eigen::Index>(y) * carm.columns + x] = 0;
+            }
+        }
+    }
 }
 
 Image ViewModel::missing(const Image& bone, const Image& length) const {
@@ -225,6 +237,7 @@ void ViewModel::weigh(bool robust, bool settle) {
     usual_noise = std::max(kLeastNoise, 1.4826 * static_cast<double>(median(size)));
     noise = robust ? noiseByLevel(rest, log_model_)
                    : Eigen::VectorXf::Constant(rest.size(), static_cast<float>(usual_noise));
+    noise.array() += kCovered * (1 - clear_.array());
     weight = noise.array().square().inverse();
     if (robust) weight.array() /= 1 + (rest.array() / (3 * noise.array())).square();
 }

@@ -106,6 +106,7 @@ class ViewModel {
     std::array<Image, 6> bone_by_pose_;
     Vector6 taken_at_ = Vector6::Zero();
     Eigen::MatrixXf basis_;  // pixels x kSlow
+    Eigen::VectorXf clear_;  // of every pixel: 0 where something else covers it, 1 elsewhere
 };
 
 }  // namespace fluorocut::cavity

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
 #include "core/base/option_checks.h"
 #include "core/base/parallel.h"
 #include "core/cutting/sweep_tree.h"
+#include "core/image/isosurface.h"
 
 namespace fluorocut {
 namespace {
@@ -143,6 +145,34 @@ Volume removedFraction(const ToolPath& path, const Rigid3& volume_from_cavity, c
                     }
                 });
     return fraction;
+}
+
+TriangleMesh milledShape(const ToolPath& path, double top_mm, double spacing_mm) {
+    Vector3 low = Vector3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (const ToolMove& move : path.moves) {
+        for (const Vector3& center : {move.segment.from_mm, move.segment.to_mm}) {
+            low = low.cwiseMin(center);
+            high = high.cwiseMax(center);
+        }
+    }
+    const double radius = path.cutter.radius_mm;
+    if (path.moves.empty() || !(low.z() - radius < top_mm)) return {};
+    // Voxels' centres outside all around, and the last layer of them in the top.
+    VolumeGrid grid;
+    grid.spacing_mm.setConstant(spacing_mm);
+    low -= Vector3::Constant(radius + spacing_mm);
+    high += Vector3::Constant(radius + spacing_mm);
+    low.z() = top_mm - spacing_mm * std::ceil((top_mm - low.z()) / spacing_mm);
+    high.z() = top_mm;
+    grid.origin_mm = low;
+    for (int axis = 0; axis < 3; ++axis) {
+        grid.size[static_cast<std::size_t>(axis)] =
+            static_cast<int>(std::lround(std::ceil((high - low)[axis] / spacing_mm - 1e-6))) + 1;
+    }
+    Volume kept = removedFraction(path, Rigid3::identity(), grid);
+    for (float& voxel : kept.voxels())
+        voxel = 1 - voxel;
+    return isosurface(kept, 0.5);
 }
 
 }  // namespace fluorocut

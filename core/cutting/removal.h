@@ -47,4 +47,10 @@ Result<RemovalReport> simulateRemoval(const ToolPath& path, const TriangleMesh& 
 // worst.
 Volume removedFraction(const ToolPath& path, const Rigid3& volume_from_cavity, const VolumeGrid& grid);
 
+// The surface of what the path takes away below `top_mm`, closed there: not what was planned, but what is left when the
+// cutter has been everywhere on its path. Between the two lie what the path leaves to its cusps and tolerances, some
+// hundredths of a millimetre all over the wall. It matters to whoever looks for the cavity in an image: in a slender
+// taper a wall 0.02 mm nearer is the same as a cavity 0.7 mm higher. Empty when the path takes nothing away there.
+TriangleMesh milledShape(const ToolPath& path, double top_mm, double spacing_mm = 0.4);
+
 }  // namespace fluorocut

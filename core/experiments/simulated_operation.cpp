@@ -21,9 +21,9 @@ constexpr double kRecordEvery = 0.25;  // mm of the cutter's way, for the truth
 // The corkscrew's rod stays this far above the cavity's top, or it is taken off for pictures: mm.
 constexpr double kCorkscrewClear = 5;
 constexpr double kHeartbeat = 0.01;  // s
-// What locations of milled cavities were found wrong by, beyond their covariances: 0.1 to 0.3 mm, most of it along the
-// axis, and a tenth of a degree of tilt.
-constexpr double kLocationMm = 0.1, kLocationRad = 1.7e-3;
+// What locations of milled cavities were found wrong by, beyond their covariances: 0.1 mm, a tenth of a degree of tilt,
+// and, in the thick of a thigh, up to a degree and a half about the axis of a slender stem's first stage.
+constexpr double kLocationMm = 0.1, kLocationRad = 1.7e-3, kLocationRollRad = 0.013;
 
 struct Cut {
     std::string stage;
@@ -252,6 +252,7 @@ Result<ProcedureSetup> SimulatedOperation::calibrate(Progress& progress) const {
     calibration.robot_sigma_rad = std::hypot(radiansFromDegrees(scenario.robot.calibration_deg), tremble_rad);
     calibration.location_sigma_mm = kLocationMm;
     calibration.location_sigma_rad = kLocationRad;
+    calibration.location_sigma_roll_rad = kLocationRollRad;
     calibration.calibrated_utc = utcNow();
     setup.views = std::move(calibrated->views);
     if (auto ok = setup.validate(); !ok) return ok.error();

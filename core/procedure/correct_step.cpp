@@ -35,16 +35,17 @@ Result<CutAndFound> readCut(const ProcedureSetup& setup, int stage, const StepIn
         return invalidInput(fmt::format("locate {}", stage), "a pose without covariance", "one with it");
     const Pose commanded{Frame::robot, Frame::cavity, cut->robot_from_cavity,
                          processCovariance(setup, cut->bone_rms_mm, cut->bone_rms_rad)};
-    const Pose measured = commanded * location->femur_from_cut_cavity.inverse();
+    // About its own axis a cavity is found wrong by something else in every cut, as its section differs.
+    Pose located = location->femur_from_cut_cavity;
+    const Vector3 axis = located.target_from_source.rotationMatrix().col(2);
+    located.covariance->bottomRightCorner<3, 3>() +=
+        setup.calibration.location_sigma_roll_rad * setup.calibration.location_sigma_roll_rad * axis * axis.transpose();
+    const Pose measured = commanded * located.inverse();
     // The same chain with nothing but the common error in it.
     Pose common = location->femur_from_cut_cavity;
     const ProcedureCalibration& known = setup.calibration;
-    // The cutter stays inside the plan: by the tolerance of its path, and by cusps between passes. So walls and floor
-    // seem to lie inward, by 0.04 mm on the average of both, and the floor's share is taken for a place along the axis.
-    const ToolPathOptions& path = setup.plan.path;
-    const double left_mm = (path.most_cusp_mm + path.tolerance_mm) / 2;
     Vector6 variance;
-    variance << Vector3::Constant(known.location_sigma_mm * known.location_sigma_mm + left_mm * left_mm),
+    variance << Vector3::Constant(known.location_sigma_mm * known.location_sigma_mm),
         Vector3::Constant(known.location_sigma_rad * known.location_sigma_rad);
     common.covariance = Matrix6(variance.asDiagonal());
     const Pose exact{Frame::robot, Frame::cavity, cut->robot_from_cavity, Matrix6(Matrix6::Zero())};

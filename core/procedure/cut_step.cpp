@@ -70,9 +70,7 @@ Result<StepOutput> cutStep(const ProcedureSetup& setup, CutOrder order, const St
     const PlannedStage& stage = plan->stages[static_cast<std::size_t>(order.stage - 1)];
     const Result<TriangleMesh> mesh = readStageMesh(order.stage, inputs);
     if (!mesh) return mesh.error();
-    const Result<std::string> path_bytes = inputs.bytes(fmt::format("path {}", order.stage));
-    if (!path_bytes) return path_bytes.error();
-    const Result<ToolPath> path = readBytes(fmt::format("path_{}.json", order.stage), *path_bytes, readToolPath);
+    const Result<ToolPath> path = readStagePath(order.stage, inputs);
     if (!path) return path.error();
     const double open_mm = setup.plan.path.openPlane(stage.top_mm);
     Result<TriangleMesh> envelope = openedUpward(*mesh, open_mm);

@@ -3,7 +3,7 @@
 
 #include "core/base/units.h"
 #include "core/cavity/cavity_location.h"
-#include "core/cutting/envelope_check.h"
+#include "core/cutting/removal.h"
 #include "core/procedure/chain_measurement.h"
 #include "core/procedure/steps.h"
 
@@ -13,6 +13,7 @@ namespace {
 // Of the way in above a cavity's top that is looked for too: a cavity that lies deeper than planned has no lid. Beyond
 // what a cut goes astray it tells nothing, and would bring more of the wound into the picture.
 constexpr double kWayIn_mm = 3;
+constexpr double kBlurred_px = 3;
 
 // imager_from_femur of every view, by the beads in the bone.
 Result<FemurBeads> posesOf(const ProcedureSetup& setup, const StageImages& taken, Progress& progress) {
@@ -34,6 +35,17 @@ Result<FemurBeads> posesOf(const ProcedureSetup& setup, const StageImages& taken
     return beads;
 }
 
+// Where the beads are seen, and what is blurred around them: no CT has them sharp.
+std::vector<CoveredDisc> shadowsOf(const BeadLayout& beads, const CavityView& view) {
+    std::vector<CoveredDisc> shadows;
+    for (const Bead& bead : beads.beads) {
+        const Vector3 at = view.after_imager_from_femur * bead.center_mm;
+        const double px_per_mm = view.carm.focal_length_mm / (at.z() * view.carm.pixel_mm.mean());
+        shadows.push_back({view.carm.project(at), 0.5 * bead.diameter_mm * px_per_mm + kBlurred_px});
+    }
+    return shadows;
+}
+
 }  // namespace
 
 Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const StepInputs& inputs, Progress& progress) {
@@ -44,8 +56,9 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
     const Result<TriangleMesh> mesh = readStageMesh(stage, inputs);
     if (!mesh) return mesh.error();
     const double top_mm = plan->stages[static_cast<std::size_t>(stage - 1)].top_mm;
-    const Result<TriangleMesh> milled = openedUpward(*mesh, top_mm + kWayIn_mm);
-    if (!milled) return milled.error();
+    const Result<ToolPath> path = readStagePath(stage, inputs);
+    if (!path) return path.error();
+    const TriangleMesh milled = milledShape(*path, top_mm + kWayIn_mm);
     SubProgress seeing(progress, 0, 0.3), locating(progress, 0.3, 1);
     const Result<FemurBeads> beads = posesOf(setup, *after, seeing);
     if (!beads) return beads.error();
@@ -56,6 +69,7 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
         view.after = after->images[i];
         view.carm = setup.views[i].carm;
         view.after_imager_from_femur = beads->views[i].imager_from_femur.target_from_source;
+        view.covered = shadowsOf(setup.patient.beads, view);
         views.push_back(std::move(view));
     }
     if (!setup.patient.ct) {
@@ -72,7 +86,7 @@ Result<StepOutput> locateStep(const ProcedureSetup& setup, int stage, const Step
     CavityLocationOptions options;
     options.mu_water_per_mm = setup.patient.mu_water_per_mm;
     const Result<CavityLocation> found =
-        locateCavity(views, *milled, setup.plan.femur_from_cavity, setup.patient.ct, options, locating);
+        locateCavity(views, milled, setup.plan.femur_from_cavity, setup.patient.ct, options, locating);
     if (!found) return found.error();
 
     LocationResult result;

@@ -68,7 +68,8 @@ Result<void> checkCalibration(const ProcedureCalibration& calibration) {
                           {"calibration.robot_sigma_mm", calibration.robot_sigma_mm, 1e-4, 5, "mm"},
                           {"calibration.robot_sigma_rad", calibration.robot_sigma_rad, 1e-6, 0.1, "rad"},
                           {"calibration.location_sigma_mm", calibration.location_sigma_mm, 0, 5, "mm"},
-                          {"calibration.location_sigma_rad", calibration.location_sigma_rad, 0, 0.1, "rad"}});
+                          {"calibration.location_sigma_rad", calibration.location_sigma_rad, 0, 0.1, "rad"},
+                          {"calibration.location_sigma_roll_rad", calibration.location_sigma_roll_rad, 0, 0.1, "rad"}});
 }
 
 }  // namespace

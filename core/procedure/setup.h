@@ -68,6 +68,8 @@ struct ProcedureCalibration {
     // calibration. Per axis. More measurements do not make it less.
     double location_sigma_mm = 0.02;
     double location_sigma_rad = 3.5e-4;
+    // Of each location for itself, about the cavity's own axis, of which round cavities show least.
+    double location_sigma_roll_rad = 3.5e-4;
     std::string calibrated_utc;  // when (core/base/utc.h)
 };
 

@@ -75,6 +75,7 @@ static void describe(Archive& json, ProcedureCalibration& calibration) {
     json.number("robot_sigma_rad", calibration.robot_sigma_rad);
     json.number("location_sigma_mm", calibration.location_sigma_mm);
     json.number("location_sigma_rad", calibration.location_sigma_rad);
+    json.number("location_sigma_roll_rad", calibration.location_sigma_roll_rad);
     json.text("calibrated_utc", calibration.calibrated_utc);
 }
 

@@ -180,7 +180,7 @@ Result<std::vector<StepInput>> inputsOf(const ProcedureStep& step, const CaseCon
             add({StepKind::timeOut, k});
             break;
         case StepKind::locate:
-            addPlan({k}, {});
+            addPlan({k}, {k});
             addImages(0);  // in the place of a CT where there is none
             addImages(k);
             break;

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "core/cutting/tool_path_file.h"
 #include "core/io/mesh_file.h"
 
 namespace fluorocut {
@@ -76,6 +77,12 @@ Result<TriangleMesh> readStageMesh(int stage, const StepInputs& inputs) {
                                       [](const std::filesystem::path& path) { return readMesh(path); });
     if (!mesh) return mesh.error();
     return std::move(mesh->mesh);
+}
+
+Result<ToolPath> readStagePath(int stage, const StepInputs& inputs) {
+    const Result<std::string> bytes = inputs.bytes(fmt::format("path {}", stage));
+    if (!bytes) return bytes.error();
+    return readBytes(fmt::format("path_{}.json", stage), *bytes, readToolPath);
 }
 
 Result<StepOutput> calculate(const ProcedureStep& step, const ProcedureSetup& setup, const StepInputs& inputs,

@@ -89,5 +89,6 @@ struct StageImages {
 };
 Result<StageImages> readImages(const ProcedureSetup& setup, int stage, const StepInputs& inputs);
 Result<TriangleMesh> readStageMesh(int stage, const StepInputs& inputs);
+Result<ToolPath> readStagePath(int stage, const StepInputs& inputs);
 
 }  // namespace fluorocut
