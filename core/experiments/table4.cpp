@@ -43,9 +43,8 @@ Result<Table4Trial> runTrial(const Scenario& scenario, const fs::path& case_file
 }  // namespace
 
 const std::array<PaperOffsets, kTable4Trials>& paperTable4() {
-    static const std::array<PaperOffsets, kTable4Trials> table{{{{-2, -0.25}, {-0.64, -0.2}},
-                                                                {{-1.604, 0.295}, {-0.13, -0.255}},
-                                                                {{2.1, 1.3}, {0.95, 0.515}, {0.35, 0.025}}}};
+    static const std::array<PaperOffsets, kTable4Trials> table{
+        {{{-2, -0.25}, {-0.64, -0.2}}, {{-1.604, 0.295}, {-0.13, -0.255}}, {{2.1, 1.3}, {0.95, 0.515}, {0.35, 0.025}}}};
     return table;
 }
 

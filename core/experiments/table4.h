@@ -44,9 +44,9 @@ struct Table4 {
     std::vector<Table4Trial> random;  // as many as were asked for
     // Over all that came to their end.
     ErrorFigures final_mm, final_deg, first_mm, first_deg, final_worst_place_mm;
-    int cuts = 0, bounds_broken = 0;                     // of the announced 95 %
-    int final_bounds_broken = 0;                         // of the last cuts'
-    int finished = 0, stopped = 0, failed = 0;           // trials
+    int cuts = 0, bounds_broken = 0;            // of the announced 95 %
+    int final_bounds_broken = 0;                // of the last cuts'
+    int finished = 0, stopped = 0, failed = 0;  // trials
     double elapsed_ms = std::numeric_limits<double>::quiet_NaN();
 };
 

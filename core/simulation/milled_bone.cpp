@@ -166,8 +166,8 @@ bool MilledBone::isThere(const Vector3& point) const {
     for (Eigen::Index n = 2; n >= 0; --n) {
         const auto a = static_cast<std::size_t>(n);
         if (!(index[n] >= 0 && index[n] < grid.size[a])) return false;
-        part = part * static_cast<std::size_t>(grid.size[a] * parts_[a]) +
-               static_cast<std::size_t>(index[n] * parts_[a]);
+        part =
+            part * static_cast<std::size_t>(grid.size[a] * parts_[a]) + static_cast<std::size_t>(index[n] * parts_[a]);
     }
     if (gone_[part]) return false;
     return (*whole_)(static_cast<int>(index.x()), static_cast<int>(index.y()), static_cast<int>(index.z())) >

@@ -70,7 +70,7 @@ class MilledBone {
     MilledBoneOptions options_;
 
     std::vector<ToolMove> way_, shank_way_;  // the second: where the shank cuts too
-    std::vector<Place> run_;  // since the last kept place, which is its first
+    std::vector<Place> run_;                 // since the last kept place, which is its first
     // Coarse blocks of the CT that hold matter, grown by the cutter's radius.
     std::array<int, 3> block_voxels_{}, blocks_{};
     std::vector<bool> matter_;

@@ -32,7 +32,7 @@ class Navigator : public QListWidget {
 
     // Wide enough for a step's name, whatever the font.
     QSize sizeHint() const override { return {22 * fontMetrics().averageCharWidth() + 60, 400}; }
-    QSize minimumSizeHint() const override { return {16 * fontMetrics().averageCharWidth() + 50, 100}; }
+    QSize minimumSizeHint() const override { return {14 * fontMetrics().averageCharWidth() + 44, 100}; }
 
   signals:
     void stepChosen(int row);

@@ -11,13 +11,13 @@
 
 #include <unistd.h>
 
+#include "core/casestore/content.h"
 #include "core/casestore/sha256.h"
 #include "core/io/json_file.h"
 #include "core/io/json_values.h"
 #include "core/io/mesh_file.h"
 #include "core/io/pose_file.h"
 #include "core/io/volume_file.h"
-#include "core/casestore/content.h"
 
 namespace fluorocut::ui {
 

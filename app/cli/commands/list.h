@@ -27,8 +27,8 @@ Command declareCase(CLI::App& parent);
 Command declareInfo(CLI::App& parent);
 
 inline constexpr std::array<Declare, 17> kCommands{
-    declareDemo, declareProcedure, declareDrr,          declarePhantom,    declareCutVolume,   declareDewarp,  declareCalibrate,
-    declareCorkscrew,    declareCoregister, declareRegister,    declareImplant, declarePlan,
-    declareLocateCavity, declareFabricate,  declarePaperTables, declareCase,    declareInfo};
+    declareDemo,         declareProcedure, declareDrr,         declarePhantom,  declareCutVolume, declareDewarp,
+    declareCalibrate,    declareCorkscrew, declareCoregister,  declareRegister, declareImplant,   declarePlan,
+    declareLocateCavity, declareFabricate, declarePaperTables, declareCase,     declareInfo};
 
 }  // namespace fluorocut::cli

@@ -41,9 +41,9 @@ void addRow(const Table4Trial& trial, std::size_t n, std::string& text) {
                             cut == 0 ? kSizes[n] : "", cut + 1, paper[cut][0], paper[cut][1], paperOffset(paper[cut]));
         if (cut < trial.run.stages.size()) {
             const StageFigures& stage = trial.run.stages[cut];
-            text += fmt::format("{:>14.3f}{:>10.3f}{:>12.2f}{}\n", stage.truth.middle_mm,
-                                degreesFromRadians(stage.truth.turn_rad), stage.bound_mm,
-                                stage.held ? "" : "  not held");
+            text +=
+                fmt::format("{:>14.3f}{:>10.3f}{:>12.2f}{}\n", stage.truth.middle_mm,
+                            degreesFromRadians(stage.truth.turn_rad), stage.bound_mm, stage.held ? "" : "  not held");
         } else {
             text += "             -\n";
         }
@@ -97,8 +97,8 @@ Result<std::string> addTable4(const Table4Request& request, Json& json, Progress
         table->elapsed_ms / 1000);
     for (const Table4Trial& trial : table->random)
         if (!trial.run.finished)
-            text += fmt::format("  seed {}: {}\n", trial.seed,
-                                trial.failure.empty() ? trial.run.stopped : trial.failure);
+            text +=
+                fmt::format("  seed {}: {}\n", trial.seed, trial.failure.empty() ? trial.run.stopped : trial.failure);
     return text;
 }
 

@@ -38,12 +38,12 @@ TEST(Desktop, SavesAPictureOfTheFilesItOpened) {
     ASSERT_OK(writeImage(scratch / "ramp.png", image));
     const test::Finished finished = test::runProgram(
         FLUOROCUT_DESKTOP,
-        {(scratch / "ramp.png").string(), "--screenshot", (scratch / "w.png").string(), "--size", "1000x700"});
+        {(scratch / "ramp.png").string(), "--screenshot", (scratch / "w.png").string(), "--size", "1400x800"});
     ASSERT_EQ(finished.exit_code, 0) << finished.err;
     const Result<ImageFile> window = readImage(scratch / "w.png");
     ASSERT_OK(window);
-    EXPECT_EQ(window->image.width(), 1000);
-    EXPECT_EQ(window->image.height(), 700);
+    EXPECT_EQ(window->image.width(), 1400);
+    EXPECT_EQ(window->image.height(), 800);
     // Somewhere in it the ramp is seen, from black to white.
     const auto [least, most] = std::minmax_element(window->image.pixels().begin(), window->image.pixels().end());
     EXPECT_LT(*least, 10);
@@ -61,7 +61,7 @@ TEST(Desktop, SlowEveryStateOfTheSampleCaseCanBePictured) {
         ASSERT_EQ(finished.exit_code, 0) << name << ": " << finished.err;
         const Result<ImageFile> window = readImage(file);
         ASSERT_OK(window);
-        EXPECT_EQ(window->image.width(), 1280);
+        EXPECT_EQ(window->image.width(), 1400);
         // The start page is dark in its middle; X-rays are not: an empty view is 10 of 255.
         if (std::string(name) != "start") {
             EXPECT_GT(meanOf(window->image, 0.2, 0.1, 0.7, 0.9), 25) << name;

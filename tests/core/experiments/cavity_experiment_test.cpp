@@ -41,9 +41,9 @@ TEST(CavityExperiment, RefusesOptionsOutsideTheirLimits) {
     CavityExperimentOptions options;
     options.scenes.voxel_mm = 0;
     EXPECT_THAT(runCavityExperiment(options).error().message(), HasSubstr("voxel_mm"));
-    options = {};
-    options.random_trials = -1;
-    EXPECT_THAT(runCavityExperiment(options).error().message(), HasSubstr("random_trials"));
+    CavityExperimentOptions negative;
+    negative.random_trials = -1;
+    EXPECT_THAT(runCavityExperiment(negative).error().message(), HasSubstr("random_trials"));
 }
 
 TEST(CavityExperiment, FiguresCountWhatWasAnswered) {
