@@ -11,7 +11,9 @@
 namespace fluorocut {
 namespace {
 
-constexpr float kNothing = -1000;    // a voxel that is not finite
+constexpr float kNothing = -1000;  // a voxel that is not finite
+constexpr float kSmoothedReach =
+    200;  // about the level: as far as soft tissue is from it, so that both sides weigh alike
 constexpr float kFilledAbove = 500;  // the level, where the bone's inside is filled
 
 std::array<int, 3> averagingFactors(const VolumeGrid& grid, const BoneSurfaceOptions& options) {
@@ -117,6 +119,33 @@ void fillHoles(const Section& section, float level) {
         }
 }
 
+// Values held within `reach` of the level, then the mean of each with its neighbours (1 2 1) along every axis: slices
+// that were filled and slices that were not leave no steps, and the surface stays where it is.
+void smooth(Volume& volume, float level, float reach) {
+    for (float& value : volume.voxels())
+        value = std::clamp(value, level - reach, level + reach);
+    std::vector<float> line;
+    for (int axis = 0; axis < 3; ++axis) {
+        const int u = axis == 0 ? 1 : 0, n = volume.size(axis);
+        for (int k = 0; k < (axis == 2 ? 1 : volume.size(2)); ++k)
+            for (int j = 0; j < (axis == 1 ? volume.size(u) : volume.size(1)); ++j)
+                for (int i = 0; i < (axis == 2 ? volume.size(0) : 1); ++i) {
+                    const auto at = [&](int t) -> float& {
+                        return axis == 0 ? volume(t, j, k) : axis == 1 ? volume(j, t, k) : volume(i, j, t);
+                    };
+                    line.resize(static_cast<std::size_t>(n));
+                    for (int t = 0; t < n; ++t)
+                        line[static_cast<std::size_t>(t)] = at(t);
+                    for (int t = 0; t < n; ++t) {
+                        const auto of = [&](int place) {
+                            return line[static_cast<std::size_t>(std::clamp(place, 0, n - 1))];
+                        };
+                        at(t) = 0.25F * (of(t - 1) + 2 * of(t) + of(t + 1));
+                    }
+                }
+    }
+}
+
 // Without the connected parts of fewer than `least_share` of the largest part's triangles, and without their vertices.
 TriangleMesh largeParts(const TriangleMesh& mesh, double least_share) {
     std::vector<std::int32_t> parent(mesh.vertices.size());
@@ -185,6 +214,7 @@ Result<TriangleMesh> boneSurface(const Volume& ct, const BoneSurfaceOptions& opt
     progress.report(0.5, "the bone's surface");
     if (progress.isCancelled()) return cancelled("the bone's surface");
 
+    smooth(bone, level, kSmoothedReach);
     // Inside is where values are low: turned over, that is the bone.
     for (float& value : bone.voxels())
         value = -value;

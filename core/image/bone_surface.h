@@ -2,8 +2,8 @@
 //
 // Voxels are averaged until they are about as large as asked for. In every axial section, what the sections' border
 // cannot reach without crossing bone is filled: marrow belongs to the bone whatever its density, so that the surface is
-// the outer one alone. Its isosurface at `level_hu` follows; parts much smaller than the largest (specks, calcified
-// vessels) are left out. Frame and units of the grid (a CT: femur, mm).
+// the outer one alone. Smoothed over neighbours, its isosurface at `level_hu` follows; parts much smaller than the
+// largest (specks, calcified vessels) are left out. Frame and units of the grid (a CT: femur, mm).
 //
 // Not for measuring: averaged voxels move thin edges by up to about one of them (0.3 mm rms at 1.6 mm on a sphere's
 // shell). Walls to plan with are core/planning/bone_walls.h's.

@@ -60,6 +60,7 @@ class Look {
           face_(static_cast<float>(item.opacity)),
           rim_(static_cast<float>(item.rim_opacity)),
           shine_(static_cast<float>(255 * item.shine)),
+          ambient_(static_cast<float>(item.ambient)),
           picture_(item.picture ? &item.picture->image : nullptr),
           lines_(!item.surface) {}
 
@@ -67,8 +68,7 @@ class Look {
         if (picture_) return pictured(u, v);
         if (lines_) return {color_.red, color_.green, color_.blue, face_};
         const float n = std::min(1.0F, std::abs(toward));
-        const auto ambient = static_cast<float>(kAmbient);
-        const float bright = ambient + (1 - ambient) * n;
+        const float bright = ambient_ + (1 - ambient_) * n;
         const float shine = shine_ > 0 ? shine_ * std::pow(n, static_cast<float>(kShininess)) : 0;
         return {color_.red * bright + shine, color_.green * bright + shine, color_.blue * bright + shine,
                 rim_ + n * (face_ - rim_)};
@@ -93,7 +93,7 @@ class Look {
     }
 
     Color color_;
-    float face_, rim_, shine_;
+    float face_, rim_, shine_, ambient_;
     const QImage* picture_;
     bool lines_;
 };

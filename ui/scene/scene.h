@@ -35,6 +35,7 @@ struct SceneItem {
     double opacity = 1;      // where the surface is seen face on,
     double rim_opacity = 1;  // and edge on; both 1: opaque
     double shine = 0;        // of metal
+    double ambient = 0.22;   // share of the light that comes from everywhere: glass needs more
     double width_px = 1;     // of lines
     bool one_sided = false;  // not seen from behind
 

@@ -54,7 +54,7 @@ void SceneCanvas::setScene(Scene scene, bool moving) {
     // What is only moved does not move the viewer.
     const bool others = scene.items.size() != scene_.items.size();
     scene_ = std::move(scene);
-    if (fitted_ && others) fit();
+    if (fitted_ && others) refit();
     if (moving)
         moved();
     else
@@ -84,8 +84,17 @@ void SceneCanvas::lookFrom(LookFrom side) {
 }
 
 void SceneCanvas::fit() {
+    fit_everything_ = fitted_ && !fit_everything_;
+    refit();
+}
+
+void SceneCanvas::refit() {
     fitted_ = true;
-    camera_.fit(ballAround(shownItems(1)), size());
+    const std::vector<SceneItem> everything = shownItems(1);
+    std::vector<SceneItem> body = everything;
+    std::erase_if(body,
+                  [](const SceneItem& item) { return item.kind == SceneKind::views || item.kind == SceneKind::robot; });
+    camera_.fit(ballAround(fit_everything_ || body.empty() ? everything : body), size());
     refresh();
 }
 
@@ -180,7 +189,7 @@ QImage SceneCanvas::snapshot(const QSize& size) {
 }
 
 void SceneCanvas::resizeEvent(QResizeEvent*) {
-    if (fitted_) fit();
+    if (fitted_) refit();
     stale_ = true;
 }
 

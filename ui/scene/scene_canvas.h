@@ -4,7 +4,8 @@
 //   middle drag   pans (or left drag with Shift held)
 //   wheel         zooms; so does a right drag: up is larger
 //   double click  brings what is under the cursor to the middle (what is opaque first, through what is translucent)
-//   A L S         from the front, from the operated side, from above; F: everything fits
+//   A L S         from the front, from the operated side, from above; F: the bone and the plan fit, once more:
+//                 everything does
 //
 // Nothing is drawn, and no OpenGL begun, before the widget is first painted. While the hand moves, pictures that would
 // take too long are drawn at half the size; once it rests they are drawn at twice the size and smoothed.
@@ -40,6 +41,7 @@ class SceneCanvas : public QWidget {
     void setCamera(const SceneCamera& camera);
     void lookFrom(LookFrom side);
     void lookFromOperatedSide() { lookFrom(operated_side_); }
+    // Bone and plan, without C-arms and robot; where that has just been done, everything.
     void fit();
 
     // The picture without the widget, of this size; smoothed.
@@ -67,6 +69,7 @@ class SceneCanvas : public QWidget {
     SceneRenderer& renderer();
     // With lines so many times as wide.
     std::vector<SceneItem> shownItems(double pixels) const;
+    void refit();
     void refresh();  // the picture is out of date
     void moved();    // and more movement is likely
     void draw();
@@ -82,6 +85,7 @@ class SceneCanvas : public QWidget {
     SceneCamera camera_;
     LookFrom operated_side_ = LookFrom::left;
     bool fitted_ = true;  // a resize, and another scene, keep it so
+    bool fit_everything_ = false;
 
     QImage picture_;
     bool stale_ = true;

@@ -35,6 +35,17 @@ SceneItem shape(SceneLines lines) {
     return item;
 }
 
+// A cavity's mesh is finer than the eye needs, and in parts the implant's own surface: a little outside, the two can be
+// told apart.
+SceneItem cavityShape(const TriangleMesh& mesh) {
+    constexpr std::size_t kMany = 40000;  // triangles
+    constexpr double kCoarser_mm = 0.8, kOutward_mm = 0.2;
+    ShadedMesh surface = shadedMesh(mesh.triangles.size() > kMany ? weldVertices(mesh, kCoarser_mm) : mesh);
+    for (std::size_t i = 0; i < surface.vertices.size(); ++i)
+        surface.vertices[i] += kOutward_mm * surface.normals[i];
+    return shape(std::make_shared<const ShadedMesh>(std::move(surface)));
+}
+
 SceneItem placed(SceneItem item, SceneKind kind, const QColor& color, const Rigid3& femur_from_item) {
     item.kind = kind;
     item.color = color;
@@ -201,8 +212,9 @@ Scene SceneBuilder::build(const CaseState& state) {
     addCavities(state.plan, scene);
     if (state.ct && hasBone(state.ct) && bone_.surface) {
         SceneItem bone = placed(bone_, SceneKind::bone, kBone, {});
-        bone.opacity = 0.28;
-        bone.rim_opacity = 0.9;
+        bone.opacity = 0.2;
+        bone.rim_opacity = 0.85;
+        bone.ambient = 0.6;
         bone.one_sided = true;
         scene.items.push_back(std::move(bone));
     }
@@ -232,12 +244,12 @@ void SceneBuilder::addCavities(const ImplantPlan& plan, Scene& scene) {
     // Insets fall: the first stage is the innermost.
     for (std::size_t stage = 0; stage < plan.cavities.size(); ++stage) {
         if (!plan.cavities[stage]) continue;
-        const SceneItem& cavity =
-            keep(meshes_, plan.cavities[stage], [](const TriangleMesh& mesh) { return shape(mesh); });
+        const SceneItem& cavity = keep(meshes_, plan.cavities[stage], cavityShape);
         SceneItem item = placed(cavity, SceneKind::cavities, colorOf(Ink::stage), plan.femur_from_implant);
         const bool last = stage + 1 == plan.cavities.size();
         item.opacity = last ? 0.14 : 0.1;
         item.rim_opacity = last ? 0.75 : 0.5;
+        item.ambient = 0.7;
         item.one_sided = true;
         scene.items.push_back(std::move(item));
     }

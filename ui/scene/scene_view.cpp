@@ -71,7 +71,7 @@ SceneView::SceneView(Session& session, QWidget* parent, SceneBackend backend)
     addLook(tr("A"), tr("From the front (A)"), [this] { canvas_->lookFrom(LookFrom::anterior); });
     addLook(tr("L"), tr("From the operated side (L)"), [this] { canvas_->lookFromOperatedSide(); });
     addLook(tr("S"), tr("From above (S)"), [this] { canvas_->lookFrom(LookFrom::superior); });
-    addLook(tr("Fit"), tr("Everything fits (F)"), [this] { canvas_->fit(); });
+    addLook(tr("Fit"), tr("Bone and plan fit; once more: everything (F)"), [this] { canvas_->fit(); });
 
     auto* column = new QVBoxLayout(this);
     column->setContentsMargins(0, 0, 0, 0);

@@ -152,8 +152,8 @@ void setStyle(vtkActor& actor, const SceneItem& item) {
     const QColor color = item.picture ? QColor(Qt::white) : item.color;
     property->SetColor(color.redF(), color.greenF(), color.blueF());
     property->SetLighting(lit);
-    property->SetAmbient(lit ? kAmbient : 1);
-    property->SetDiffuse(lit ? 1 - kAmbient : 0);
+    property->SetAmbient(lit ? item.ambient : 1);
+    property->SetDiffuse(lit ? 1 - item.ambient : 0);
     property->SetSpecular(item.shine);
     property->SetSpecularColor(1, 1, 1);
     property->SetSpecularPower(kShininess);
@@ -256,7 +256,7 @@ class VtkRenderer : public SceneRenderer {
     static bool sameStyle(const SceneItem& a, const SceneItem& b) {
         return a.surface == b.surface && a.lines == b.lines && a.picture == b.picture && a.color == b.color &&
                a.opacity == b.opacity && a.rim_opacity == b.rim_opacity && a.shine == b.shine &&
-               a.one_sided == b.one_sided;
+               a.ambient == b.ambient && a.one_sided == b.one_sided;
     }
 
     void observe(unsigned long event, void (*answer)(EglContext&, void*)) {

@@ -5,7 +5,6 @@
 
 #include "tests/support/program.h"
 #include "tests/ui/scene/scene_shapes.h"
-#include "ui/scene/shading.h"
 
 namespace fluorocut::ui {
 namespace {
@@ -105,8 +104,8 @@ TEST_P(Renderer, ARimIsDenserThanAFace) {
     ball.opacity = 0.2;
     ball.rim_opacity = 0.9;
     const QImage picture = draw({ball}), empty = draw({});
-    const auto expected = [](double n, QRgb back) {
-        const double opacity = 0.9 + n * (0.2 - 0.9), bright = 255 * (kAmbient + (1 - kAmbient) * n);
+    const auto expected = [&](double n, QRgb back) {
+        const double opacity = 0.9 + n * (0.2 - 0.9), bright = 255 * (ball.ambient + (1 - ball.ambient) * n);
         return opacity * bright + (1 - opacity) * qRed(back);
     };
     EXPECT_NEAR(qRed(picture.pixel(120, 80)), expected(1, empty.pixel(120, 80)), 3);

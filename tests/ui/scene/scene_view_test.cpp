@@ -41,6 +41,19 @@ TEST_F(CanvasTest, FitsTheFirstScene) {
     EXPECT_LT(top.y(), 10);
 }
 
+TEST_F(CanvasTest, FitsWhatIsPlannedAndThenEverything) {
+    Scene scene = canvas_.scene();
+    SceneItem carm = test::thing(makeBox({40, 40, 40}), Qt::green, Rigid3::fromTranslation({-500, 0, 0}));
+    carm.kind = SceneKind::views;
+    scene.items.push_back(carm);
+    canvas_.setScene(scene);
+    EXPECT_NEAR((canvas_.camera().focus - Vector3(100, 0, 0)).norm(), 0, 1e-9);
+    canvas_.fit();
+    EXPECT_NEAR((canvas_.camera().focus - Vector3(-200, 0, 0)).norm(), 0, 1e-9);
+    canvas_.fit();
+    EXPECT_NEAR((canvas_.camera().focus - Vector3(100, 0, 0)).norm(), 0, 1e-9);
+}
+
 TEST_F(CanvasTest, ALeftDragWalksRoundAndThePatientStaysUpright) {
     test::drag(canvas_, {200, 150}, {260, 120});
     // The whole height is half a turn.
