@@ -25,7 +25,9 @@ int fail(int exit_code, const QString& sentence) {
 
 std::filesystem::path sampleCache() {
     const QString folder = QStandardPaths::writableLocation(QStandardPaths::GenericCacheLocation);
-    return (folder + "/fluorocut/sample-" + QApplication::applicationVersion() + ".fluorocut").toStdString();
+    return (folder + "/fluorocut/sample-" + QApplication::applicationVersion() +
+            QString("-%1.fluorocut").arg(desktop::kSampleRevision))
+        .toStdString();
 }
 
 std::optional<QSize> sizeFrom(const QString& text) {

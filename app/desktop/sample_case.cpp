@@ -65,8 +65,9 @@ OperatingRoomOptions roomOptions(const SampleOptions& options) {
     room.nominal_carm = standardCArm().binned(2);
     room.focal_length_error_mm = room.focal_length_sag_mm = room.principal_point_error_px = 0;
     room.intensifier = IntensifierOptions::none();
-    // Between AP table and hip, the proximal femur in the middle of the picture. The room's axes are the patient's.
-    room.planned_room_from_femur = Rigid3::fromTranslation({-4, 0, 7});
+    // The room's axes are the patient's. Head and tip of a stem in the picture, little of the air beside the hip.
+    room.planned_room_from_femur = Rigid3::fromTranslation({18, 0, 20});
+    room.xray.brightness = 0.45;  // for bone: what is thin becomes white
     room.patient_offset_mm = 4;
     room.return_offset_mm = 8;
     room.xray.photons_per_pixel = options.photons_per_pixel;

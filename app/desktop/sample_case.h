@@ -14,6 +14,9 @@
 
 namespace fluorocut::desktop {
 
+// To be raised when another sample is made than before: a cache holds the old one for ever.
+inline constexpr int kSampleRevision = 2;
+
 struct SampleOptions {
     double voxel_mm = 0.8;
     double photons_per_pixel = 50'000;  // some 1000 arrive behind the hip

@@ -12,7 +12,16 @@ namespace fluorocut::desktop {
 namespace {
 
 // For what is worked out behind the scenes once a case is open: predicted images, surfaces.
+constexpr int kLookMs = 200, kMostLooks = 600;
+// The panels' own numbers have no way to say that they are there.
 constexpr int kSettleMs = 2500;
+
+void whenDone(ui::MainWindow& window, int looks, const std::function<void()>& then) {
+    QTimer::singleShot(kLookMs, &window, [&window, looks, then] {
+        if (window.isWorking() && looks < kMostLooks) return whenDone(window, looks + 1, then);
+        then();
+    });
+}
 
 Result<void> save(QWidget& window, const QString& file) {
     return writeWhole(file.toStdString(), [&](const auto& temporary) -> Result<void> {
@@ -42,7 +51,7 @@ void takeScreenshot(ui::MainWindow& window, const Screenshot& screenshot, std::f
                      [shoot, finished, screenshot, &window](bool ok, const QString& sentence) {
                          if (!ok) return finished(invalidInput("", sentence.toStdString(), "what can be opened"));
                          window.arrangeFor(screenshot.name);
-                         shoot(kSettleMs);
+                         whenDone(window, 0, [shoot] { shoot(kSettleMs); });
                      });
     if (screenshot.files.isEmpty())
         window.openSample();

@@ -141,9 +141,9 @@ void MainWindow::makePanels() {
     const auto kept = [inspector] { return inspector->keptPoint(); };
     connect(inspector, &PlanInspector::keptPointChanged, this, [this, kept] { giveTools(kept()); });
     giveTools(kept());
-    auto* scene = new SceneView(session_, this);
-    scene->setProperty("helpPage", "scene");
-    dock("scene", tr("3D"), scene, Qt::RightDockWidgetArea);
+    scene_ = new SceneView(session_, this);
+    scene_->setProperty("helpPage", "scene");
+    dock("scene", tr("3D"), scene_, Qt::RightDockWidgetArea);
     // The plan has a scroll bar, the scene has not.
     resizeDocks({docks_[1], docks_[2]}, {55, 45}, Qt::Vertical);
 }
@@ -295,6 +295,10 @@ void MainWindow::arrangeFor(const QString& part) {
             if (column.kind == "plan") sheet_->maximise({0, column.id});
     }
     if (part == "or-mode") docks_[2]->hide();
+}
+
+bool MainWindow::isWorking() const {
+    return jobs_->isBusy() || !sheet_->engine().isIdle() || scene_->isPreparing();
 }
 
 void MainWindow::showHelp() {

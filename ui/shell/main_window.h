@@ -28,6 +28,7 @@ class JobRunner;
 class MeasureChoice;
 class MessageBar;
 class Navigator;
+class SceneView;
 class Session;
 class Settings;
 class Sheet;
@@ -53,6 +54,8 @@ class MainWindow : public QMainWindow {
     bool showsStart() const;
     // Makes room for one part of a case: "planning", "scene", "procedure"; any other: the usual layout.
     void arrangeFor(const QString& part);
+    // Something that follows from the case is still being worked out: pictures, the bone's surface.
+    bool isWorking() const;
     // The page of the place that has the focus.
     void showHelp();
     HelpWindow* help() const { return help_; }
@@ -105,6 +108,7 @@ class MainWindow : public QMainWindow {
     StartPage* start_;
     Sheet* sheet_ = nullptr;
     MeasureChoice* measuring_ = nullptr;
+    SceneView* scene_ = nullptr;
     Navigator* navigator_;
     HelpWindow* help_ = nullptr;
     QMenu* recent_ = nullptr;

@@ -71,10 +71,8 @@ QString styleOf(const Shades& shades, int target) {
            QString(
                "QPushButton { padding: 5px 12px; } QPushButton[primary=\"true\"] { padding: 8px 18px; }"
                "QPushButton, QComboBox, QSpinBox, QDoubleSpinBox, QLineEdit, QCheckBox { %1 }"
-               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %3 } QTabBar::tab { %1 }"
-               "QDockWidget { font-size: %4pt; }")
-               .arg(height, width, around)
-               .arg(QApplication::font().pointSize());
+               "QToolButton { %1 %2 } QMenuBar::item, QMenu::item { %3 } QTabBar::tab { %1 }")
+               .arg(height, width, around);
 }
 
 }  // namespace
@@ -92,6 +90,7 @@ void applyTheme(QApplication& application, Look look) {
     const Shades shades = shadesOf(look);
     application.setStyle(QStyleFactory::create("Fusion"));
     application.setFont(QFont("DejaVu Sans", look == Look::operatingRoom ? kOperatingRoomPoints : 9));
+    QApplication::setFont(application.font(), "QDockWidgetTitle");
     application.setPalette(paletteOf(shades));
     application.setStyleSheet(styleOf(shades, targetPixels(look)));
 }
