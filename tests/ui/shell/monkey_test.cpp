@@ -9,6 +9,7 @@
 #include <QPointer>
 #include <QSignalSpy>
 #include <QTest>
+#include <QTimer>
 #include <array>
 
 #include <gtest/gtest.h>
@@ -51,14 +52,14 @@ class Monkey {
         }
     }
 
-  private:
-    int pick(int below) { return static_cast<int>(random_.uniform(0, below)); }
-
     // Another file dialog, menu or box would be in the monkey's way, as the real ones are: it presses Escape.
     static void closeWhatBlocks() {
         if (QWidget* popup = QApplication::activePopupWidget()) popup->close();
         if (QWidget* modal = QApplication::activeModalWidget()) modal->close();
     }
+
+  private:
+    int pick(int below) { return static_cast<int>(random_.uniform(0, below)); }
 
     QWidget* somewhere() {
         if (held_) return held_;
@@ -128,6 +129,10 @@ void letLoose(int events, std::uint64_t seed) {
     desktop.window_.openSample();
     ASSERT_TRUE(opened.wait(10000));
     Monkey monkey(desktop.window_, seed);
+    // A menu or dialog with an event loop of its own gives nothing back until somebody closes it.
+    QTimer closing;
+    QObject::connect(&closing, &QTimer::timeout, &Monkey::closeWhatBlocks);
+    closing.start(10);
     qint64 longest_ms = 0;
     QElapsedTimer timer;
     for (int i = 0; i < events; ++i) {
