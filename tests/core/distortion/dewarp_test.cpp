@@ -132,6 +132,22 @@ TEST(Dewarp, PixelsThatSeeNothingAreZeroAndCounted) {
     EXPECT_FALSE(dewarper.answered()(0, 0));
 }
 
+// What the bent imager shows at a pixel, the straightened one shows where the map puts that pixel.
+TEST(Dewarp, AStraightenedImagerProjectsIntoTheDewarpedImage) {
+    const Case c = bentMap(256, 5);
+    CArm carm;
+    carm.columns = carm.rows = 256;
+    carm.pixel_mm = {c.map.pixelMm() * 1.02, c.map.pixelMm() * 0.97};
+    carm.principal_point_px = {131, 120};
+    carm.distortion = distortionOf(c.map, carm).value();
+    const CArm straight = straightened(c.map, carm);
+    for (const Vector3& point : {Vector3(0, 0, 600), Vector3(20, -12, 650), Vector3(-18, 22, 550)}) {
+        const Vector2 bent = carm.project(point);
+        // The map's inverse is right to 1e-9 mm.
+        EXPECT_LT((straight.project(point) - c.map.idealPixel(bent)).norm(), 1e-6);
+    }
+}
+
 TEST(Dewarp, RefusesAnImageOfAnotherSize) {
     const Case c = bentMap(512, 7);
     const Result<Image> straight = Dewarper(c.map).dewarped(Image(512, 511));
