@@ -32,8 +32,8 @@ QColor colorOf(StepMark mark, const QPalette& palette) {
     return palette.color(QPalette::PlaceholderText);
 }
 
-// Waiting: an empty ring; ready: a ring with an arrow; running: half full; done: a full disk; accepted: with a tick;
-// refused: with a cross; stale: a triangle with an exclamation mark.
+}  // namespace
+
 void paintMark(QPainter& painter, const QRectF& box, StepMark mark, const QPalette& palette) {
     const QColor color = colorOf(mark, palette);
     const double s = box.width();
@@ -81,6 +81,8 @@ void paintMark(QPainter& painter, const QRectF& box, StepMark mark, const QPalet
     }
     painter.restore();
 }
+
+namespace {
 
 QFont smaller(QFont font) {
     font.setPointSizeF(0.9 * font.pointSizeF());

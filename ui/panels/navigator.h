@@ -6,12 +6,19 @@
 #include <QString>
 #include <vector>
 
+class QPainter;
+
 namespace fluorocut::ui {
 
 enum class StepMark { waiting, ready, running, done, accepted, refused, stale };
 
 // As it stands behind the step's name: "waiting", "stale".
 QString wordOf(StepMark mark);
+
+// As it stands before the step's name: a shape of its own, and a colour. Waiting: an empty ring; ready: a ring with an
+// arrow; running: half full; done: a full disk; accepted: with a tick; refused: with a cross; stale: a triangle with an
+// exclamation mark.
+void paintMark(QPainter& painter, const QRectF& box, StepMark mark, const QPalette& palette);
 
 struct NavigatorRow {
     QString name;
