@@ -6,6 +6,26 @@
 
 namespace fluorocut {
 
+AcquiredImage acquiredFrom(ImageFile file, const std::filesystem::path& path) {
+    const ImageInfo& info = file.info;
+    AcquiredImage acquired;
+    acquired.image = std::move(file.image);
+    if (info.imager_pixel_spacing_mm) {
+        acquired.pixel_spacing = PixelSpacing{*info.imager_pixel_spacing_mm, SpacingPlane::detector};
+    } else if (info.pixel_spacing_mm) {
+        acquired.pixel_spacing = PixelSpacing{*info.pixel_spacing_mm, info.spacing_plane};
+    }
+    acquired.source_detector_mm = info.source_detector_mm;
+    if (info.primary_angle_deg && info.secondary_angle_deg) {
+        acquired.nominal_position = CArmPosition{radiansFromDegrees(*info.primary_angle_deg),
+                                                 radiansFromDegrees(*info.secondary_angle_deg), Vector3::Zero()};
+    }
+    acquired.provenance.identity =
+        info.frames > 1 ? fmt::format("{}, frame {}", path.string(), info.frame) : path.string();
+    acquired.provenance.warnings = info.notes;
+    return acquired;
+}
+
 Result<FileImageSource> FileImageSource::open(const std::filesystem::path& path) {
     const auto file = readImage(path);
     if (!file) return file.error();
@@ -26,24 +46,9 @@ Result<AcquiredImage> FileImageSource::acquire(const ImageRequest& request, Prog
     auto file = readImage(path_, {request.frame});
     if (!file) return file.error();
 
-    const ImageInfo& info = file->info;
-    AcquiredImage acquired;
-    acquired.image = std::move(file->image);
-    if (info.imager_pixel_spacing_mm) {
-        acquired.pixel_spacing = PixelSpacing{*info.imager_pixel_spacing_mm, SpacingPlane::detector};
-    } else if (info.pixel_spacing_mm) {
-        acquired.pixel_spacing = PixelSpacing{*info.pixel_spacing_mm, info.spacing_plane};
-    }
-    acquired.source_detector_mm = info.source_detector_mm;
-    if (info.primary_angle_deg && info.secondary_angle_deg) {
-        acquired.nominal_position = CArmPosition{radiansFromDegrees(*info.primary_angle_deg),
-                                                 radiansFromDegrees(*info.secondary_angle_deg), Vector3::Zero()};
-    }
+    AcquiredImage acquired = acquiredFrom(std::move(*file), path_);
     acquired.provenance.source = name();
-    acquired.provenance.identity =
-        info.frames > 1 ? fmt::format("{}, frame {}", path_.string(), request.frame) : path_.string();
     acquired.provenance.sequence = acquired_++;
-    acquired.provenance.warnings = info.notes;
     progress.report(1, "read");
     return acquired;
 }

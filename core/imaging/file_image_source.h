@@ -12,6 +12,9 @@
 
 namespace fluorocut {
 
+// What a file says, as a source hands it over; but for the provenance's source and sequence.
+AcquiredImage acquiredFrom(ImageFile file, const std::filesystem::path& path);
+
 class FileImageSource final : public ImageSource {
   public:
     // Reads the first frame, so that what is wrong with the file is said at once.

@@ -61,7 +61,9 @@ struct ImageInfo {
     std::optional<double> source_patient_mm;
     std::optional<double> primary_angle_deg;    // positioner, LAO positive
     std::optional<double> secondary_angle_deg;  // positioner, cranial positive
-    bool has_identifying_fields = false;        // a patient's name, ID, birth date, ...: present, never shown
+    std::string acquired;                       // "20260301093000.125", by the device's clock; empty: not stated
+    std::string instance_uid;
+    bool has_identifying_fields = false;  // a patient's name, ID, birth date, ...: present, never shown
 
     std::vector<std::string> notes;  // what was done to the pixels, and warnings
 };

@@ -24,6 +24,9 @@ struct DicomTag {
 namespace tag {
 constexpr DicomTag kSopClass{0x0008, 0x0016}, kSopInstance{0x0008, 0x0018}, kImageType{0x0008, 0x0008};
 constexpr DicomTag kModality{0x0008, 0x0060}, kManufacturer{0x0008, 0x0070};
+constexpr DicomTag kAcquisitionDate{0x0008, 0x0022}, kAcquisitionTime{0x0008, 0x0032};
+constexpr DicomTag kAcquisitionDateTime{0x0008, 0x002A};
+constexpr DicomTag kContentDate{0x0008, 0x0023}, kContentTime{0x0008, 0x0033};
 constexpr DicomTag kSliceThickness{0x0018, 0x0050};
 constexpr DicomTag kSourceDetector{0x0018, 0x1110}, kSourcePatient{0x0018, 0x1111};
 constexpr DicomTag kImagerPixelSpacing{0x0018, 0x1164};

@@ -65,6 +65,21 @@ Result<void> readSpacing(const fs::path& path, const DicomFile& file, ImageInfo&
     return {};
 }
 
+// The exposure's time, or that of its content; digits, as they can be compared. What is not one is not stated.
+std::string acquiredAt(const DicomFile& file) {
+    const auto digits = [](const std::string& text, std::size_t least) {
+        const std::size_t end = std::min(text.find_first_not_of("0123456789."), text.size());
+        return end >= least ? text.substr(0, end) : std::string();
+    };
+    if (const std::string both = digits(file.text(tag::kAcquisitionDateTime), 14); !both.empty()) return both;
+    for (const auto& [date, time] :
+         {std::pair(tag::kAcquisitionDate, tag::kAcquisitionTime), std::pair(tag::kContentDate, tag::kContentTime)}) {
+        const std::string day = digits(file.text(date), 8), hour = digits(file.text(time), 6);
+        if (day.size() == 8 && !hour.empty()) return day + hour;
+    }
+    return {};
+}
+
 Result<void> readGeometry(const fs::path& path, const DicomFile& file, ImageInfo& info) {
     struct Field {
         DicomTag tag;
@@ -88,6 +103,8 @@ Result<void> readGeometry(const fs::path& path, const DicomFile& file, ImageInfo
                                 fmt::format("{} to {}", field.least, field.most), "export it again");
         }
     }
+    info.acquired = acquiredAt(file);
+    info.instance_uid = file.text(tag::kSopInstance);
     return readSpacing(path, file, info);
 }
 

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "core/imaging/file_image_source.h"
+#include "core/imaging/watched_folder.h"
 #include "core/simulation/virtual_operating_room.h"
 #include "tests/support/fixtures.h"
 
@@ -134,6 +135,17 @@ std::unique_ptr<ImageSource> fileSource(const test::ScratchFolder& scratch, cons
     return source ? std::make_unique<FileImageSource>(std::move(*source)) : nullptr;
 }
 
+// Three pictures that have arrived, settled a moment later.
+std::unique_ptr<ImageSource> watched(const test::ScratchFolder& scratch) {
+    for (const char* name : {"a.dcm", "b.dcm", "c.dcm"})
+        if (!fileSource(scratch, name)) return nullptr;
+    WatchedFolderOptions options;
+    options.take_present = true;
+    options.settle = std::chrono::milliseconds(20);
+    auto source = WatchedFolder::open(scratch.path(), options);
+    return source ? std::make_unique<WatchedFolder>(std::move(*source)) : nullptr;
+}
+
 std::unique_ptr<ImageSource> room(const test::ScratchFolder&) {
     VolumeGrid grid;
     grid.size = {20, 20, 20};
@@ -152,7 +164,7 @@ INSTANTIATE_TEST_SUITE_P(Sources, ImageSourceContract,
                                          Entry{"DicomFile", [](const auto& s) { return fileSource(s, "view.dcm"); }},
                                          Entry{"MetaImageFile",
                                                [](const auto& s) { return fileSource(s, "view.mha"); }},
-                                         Entry{"VirtualOperatingRoom", room}),
+                                         Entry{"WatchedFolder", watched}, Entry{"VirtualOperatingRoom", room}),
                          [](const auto& entry) { return entry.param.name; });
 
 }  // namespace
