@@ -117,3 +117,48 @@ run_main_job() {
         give_up build/run.log "the procedure did not come to its end"
     say "saved: output/demo.html (the report), output/demo.fluorocut (the case)"
 }
+
+# The Debian package of what has been built, in output/; $package names it.
+make_package() {
+    say "making the Debian package"
+    rm -f build/fluorocut_*.deb
+    quietly build/package.log cmake -E chdir build cpack
+    mkdir -p output
+    package=output/$(basename build/fluorocut_*.deb)
+    mv build/fluorocut_*.deb "$package"
+    say "saved: $package ($(du -m "$package" | cut -f1) MB)"
+}
+
+# Its content and its programs, unpacked somewhere else; with lintian and appstreamcli where they are installed.
+check_package() {
+    local root=build/package share=build/package/usr/share file
+    rm -rf $root
+    dpkg-deb -x "$package" $root || return
+    for file in bin/fluorocut bin/fluorocut-cli share/fluorocut/{fiducials,implants,phantoms,plates,scenarios,help,icons} \
+        share/applications/org.fluorocut.FluoroCut.desktop share/metainfo/org.fluorocut.FluoroCut.metainfo.xml \
+        share/icons/hicolor/{scalable/apps/fluorocut.svg,48x48/apps/fluorocut.png,128x128/apps/fluorocut.png} \
+        share/man/man1/fluorocut{,-cli}.1.gz share/bash-completion/completions/fluorocut{,-cli} \
+        share/mime/packages/fluorocut-case.xml share/doc/fluorocut/{copyright,changelog.gz}; do
+        [ -e "$root/usr/$file" ] || { echo "not in the package: $file" && return 1; }
+    done
+    # Every library that the programs are linked with comes from a package that this one depends on.
+    dpkg-deb -f "$package" Depends | tee build/package-depends.txt
+    for file in libc6 libqt5widgets5 libvtk9 libdcmtk fonts-dejavu-core; do
+        grep -q "\b$file" build/package-depends.txt || { echo "no dependency on $file" && return 1; }
+    done
+    # The programs find the data that was installed with them, not the sources'.
+    echo '{}' >$share/fluorocut/plates/only-here.json
+    $root/usr/bin/fluorocut-cli --version || return
+    $root/usr/bin/fluorocut-cli fabricate plate --plate no-such-plate -o build/none 2>&1 | tee build/package-plates.txt
+    grep -q only-here build/package-plates.txt || { echo "fluorocut-cli does not use the installed data" && return 1; }
+    $root/usr/bin/fluorocut --version || return
+    if command -v lintian >/dev/null; then
+        lintian --allow-root --fail-on error,warning "$package" || return
+    fi
+    if command -v appstreamcli >/dev/null; then
+        appstreamcli validate --no-net $share/metainfo/*.xml || return
+    fi
+    if command -v desktop-file-validate >/dev/null; then
+        desktop-file-validate $share/applications/*.desktop || return
+    fi
+}

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Everything run.sh does, then the format of the sources and all tests.
+# Everything run.sh does, then the format of the sources, the Debian package and all tests.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 # Later versions of clang-format lay some lines out differently.
@@ -31,11 +31,14 @@ run_tests() {
     if [ "$skipped" != 0 ]; then say "$skipped of them were skipped; the end of build/test.log names them"; fi
 }
 
-install_packages build run test
+install_packages build run test package
 configure -DFLUOROCUT_TESTS=ON
 build
 run_main_job
 check_format
+make_package
+quietly build/package-check.log check_package
+say "the package: good"
 run_tests
 [ $format_good = yes ] || give_up build/format.log "all tests passed, but the format is off: run clang-format -i"
 say "done"

@@ -74,6 +74,28 @@ int finish(bool json, const Report& report) {
 
 }  // namespace
 
+CommandLine declareCommandLine(std::span<const Declare> commands, bool& json) {
+    CommandLine line;
+    line.app = std::make_shared<CLI::App>(
+        "FluoroCut without a screen: C-arm images, their geometry, and the cavity they guide.\n"
+        "Research software, not a medical device.",
+        "fluorocut-cli");
+    CLI::App& app = *line.app;
+    app.set_version_flag("--version", "fluorocut-cli " FLUOROCUT_VERSION);
+    app.add_flag("--json", json, "Print exactly one JSON object on stdout");
+    app.fallthrough();
+    app.footer(
+        "`fluorocut-cli COMMAND --help` tells more about a command.\n"
+        "Exit codes: 0 done, 1 done but a limit failed, 2 wrong usage, 3 bad input, 4 no solution,\n"
+        "5 cancelled, 70 a fault of FluoroCut, 73 a result could not be written.");
+    for (const Declare declare : commands) {
+        line.commands.push_back(declare(app));
+        CLI::App* command = line.commands.back().app;
+        command->footer(command->get_footer() + "\n\nWith --json: exactly one JSON object on stdout.");
+    }
+    return line;
+}
+
 int runCommandLine(int argc, const char* const* argv, std::span<const Declare> declarations) {
     // Known before the rest is read, so that wrong usage is told as JSON too.
     bool json = false;
@@ -81,24 +103,8 @@ int runCommandLine(int argc, const char* const* argv, std::span<const Declare> d
         json = json || std::string_view(argv[i]) == "--json";
 
     try {
-        CLI::App app{
-            "FluoroCut without a screen: C-arm images, their geometry, and the cavity they guide.\n"
-            "Research software, not a medical device.",
-            "fluorocut-cli"};
-        app.set_version_flag("--version", "fluorocut-cli " FLUOROCUT_VERSION);
-        app.add_flag("--json", json, "Print exactly one JSON object on stdout");
-        app.fallthrough();
-        app.footer(
-            "`fluorocut-cli COMMAND --help` tells more about a command.\n"
-            "Exit codes: 0 done, 1 done but a limit failed, 2 wrong usage, 3 bad input, 4 no solution,\n"
-            "5 cancelled, 70 a fault of FluoroCut, 73 a result could not be written.");
-        std::vector<Command> commands;
-        for (const Declare declare : declarations) {
-            commands.push_back(declare(app));
-            CLI::App* command = commands.back().app;
-            command->footer(command->get_footer() + "\n\nWith --json: exactly one JSON object on stdout.");
-        }
-
+        const CommandLine line = declareCommandLine(declarations, json);
+        CLI::App& app = *line.app;
         try {
             app.parse(argc, argv);
         } catch (const CLI::Success& help) {
@@ -109,7 +115,7 @@ int runCommandLine(int argc, const char* const* argv, std::span<const Declare> d
         }
 
         ProgressBar progress;
-        for (const Command& command : commands) {
+        for (const Command& command : line.commands) {
             if (!command.app->parsed()) continue;
             const Result<Report> report = command.run(progress);
             progress.clear();

@@ -5,11 +5,20 @@
 //   70 our bug                      73 a result could not be written
 #pragma once
 
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "app/cli/command.h"
 
 namespace fluorocut::cli {
+
+// All that can be said to the program. `json`: set when it is parsed; outlives it.
+struct CommandLine {
+    std::shared_ptr<CLI::App> app;
+    std::vector<Command> commands;
+};
+CommandLine declareCommandLine(std::span<const Declare> commands, bool& json);
 
 int runCommandLine(int argc, const char* const* argv, std::span<const Declare> commands);
 

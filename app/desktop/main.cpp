@@ -1,6 +1,7 @@
 // fluorocut: the desktop. Opens the files named on the command line, or begins with the start page.
 #include <QApplication>
 #include <QCommandLineParser>
+#include <QIcon>
 #include <QLocale>
 #include <QStandardPaths>
 #include <QTemporaryDir>
@@ -9,6 +10,7 @@
 
 #include "app/desktop/sample_case.h"
 #include "app/desktop/screenshots.h"
+#include "core/io/resources.h"
 #include "ui/session/session.h"
 #include "ui/shell/main_window.h"
 #include "ui/shell/settings.h"
@@ -108,6 +110,9 @@ int main(int argc, char** argv) {
     QApplication application(argc, argv);
     QApplication::setApplicationName("fluorocut");
     QApplication::setApplicationVersion(FLUOROCUT_VERSION);
+    QApplication::setDesktopFileName("org.fluorocut.FluoroCut");
+    if (const auto resources = resourceFolder(); resources)
+        QApplication::setWindowIcon(QIcon(QString::fromStdString((*resources / "icons/fluorocut-128.png").string())));
 
     QCommandLineParser parser;
     parser.setApplicationDescription("FluoroCut. Research software, not a medical device.");
