@@ -32,15 +32,25 @@ Result<T> resultOf(const CaseStore& store, const CaseContent& content, const std
     return parse(*bytes, step);
 }
 
-// A case that is there is of this scenario, or it is not touched.
-Result<void> requireSameScenario(const CaseStore& store, const std::string& text, const fs::path& path) {
+// Nothing: the case is not of a simulation.
+Result<std::optional<std::string>> scenarioIn(const CaseStore& store) {
     const auto content = store.content();
     if (!content) return content.error();
     for (const Item& item : content->items) {
         if (item.file_name != kScenarioItem || item.schema != kScenarioSchema) continue;
-        const auto bytes = store.bytes(item.hash);
+        auto bytes = store.bytes(item.hash);
         if (!bytes) return bytes.error();
-        if (*bytes == text) return {};
+        return std::optional(std::move(*bytes));
+    }
+    return std::optional<std::string>();
+}
+
+// A case that is there is of this scenario, or it is not touched.
+Result<void> requireSameScenario(const CaseStore& store, const std::string& text, const fs::path& path) {
+    const auto scenario = scenarioIn(store);
+    if (!scenario) return scenario.error();
+    if (*scenario && **scenario == text) return {};
+    if (*scenario) {
         return invalidInput(path.string(), "the case of another scenario", "a new case, or one of this scenario",
                             "give another --case, or the scenario and the seed that it was begun with");
     }
@@ -53,12 +63,14 @@ class Runner {
     Runner(SimulatedOperation& operation, const RunListener& listener) : operation_(operation), listener_(listener) {}
 
     Result<ProcedureRun> run(const fs::path& case_file, Progress& progress);
+    Result<ProcedureRun> look(CaseStore store);
 
   private:
     Result<Procedure> begin(CaseStore store, Progress& progress);
     Result<void> replay(const Procedure& procedure);
     Result<StageFigures> figures(const Procedure& procedure, int stage) const;
     Result<void> registered(const Procedure& procedure, ProcedureRun& run) const;
+    Result<void> addFigures(const Procedure& procedure, ProcedureRun& run) const;
     CavityOffset offset(const Rigid3& planned, const Rigid3& found) const { return offsetOf(walls_, planned, found); }
 
     SimulatedOperation& operation_;
@@ -207,12 +219,34 @@ Result<ProcedureRun> Runner::run(const fs::path& case_file, Progress& progress) 
         if (done.error().isCancelled() || !waiting || !*waiting) return done.error();
         run.stopped = done.error().message();
     }
-    if (auto ok = registered(*procedure, run); !ok) return ok.error();
+    if (auto ok = addFigures(*procedure, run); !ok) return ok.error();
+    return run;
+}
+
+Result<void> Runner::addFigures(const Procedure& procedure, ProcedureRun& run) const {
+    if (auto ok = registered(procedure, run); !ok) return ok;
     for (int stage = 1; stage <= stages_; ++stage) {
-        auto found = figures(*procedure, stage);
+        auto found = figures(procedure, stage);
         if (!found) break;  // not cut
         run.stages.push_back(std::move(*found));
     }
+    return {};
+}
+
+Result<ProcedureRun> Runner::look(CaseStore store) {
+    const PlannedOperation& plan = operation_.plan();
+    walls_ = wallPoints(plan.mesh, plan.top_mm);
+    stages_ = operation_.scenario().cut.stages;
+    ProcedureRun run;
+    run.implant = plan.implant;
+    run.remarks = plan.remarks;
+    run.resumed = true;
+    auto procedure = Procedure::resume(std::move(store), {});
+    if (!procedure) return procedure.error();
+    if (const auto info = procedure->store().info(); info) run.case_id = info->id;
+    if (auto replayed = replay(*procedure); !replayed) return replayed.error();
+    run.finished = !procedure->next();
+    if (auto ok = addFigures(*procedure, run); !ok) return ok.error();
     return run;
 }
 
@@ -228,6 +262,21 @@ Result<ProcedureRun> runProcedure(const Scenario& scenario, const fs::path& case
     auto run = Runner(*operation, listener).run(case_file, running);
     if (run) run->prepare_ms += made_ms;
     return run;
+}
+
+Result<std::optional<ProcedureRun>> lookAtProcedure(const fs::path& case_file, Progress& progress) {
+    auto store = CaseStore::open(case_file, CaseStore::Access::read);
+    if (!store) return store.error();
+    const auto text = scenarioIn(*store);
+    if (!text) return text.error();
+    if (!*text) return std::optional<ProcedureRun>();
+    const auto scenario = parseScenario(**text, case_file);
+    if (!scenario) return scenario.error();
+    auto operation = SimulatedOperation::create(*scenario, progress);
+    if (!operation) return operation.error();
+    auto run = Runner(*operation, {}).look(std::move(*store));
+    if (!run) return run.error();
+    return std::optional(std::move(*run));
 }
 
 }  // namespace fluorocut

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -61,5 +62,10 @@ struct RunListener {
 // when a step cannot be done. A procedure that stopped to ask is a result.
 Result<ProcedureRun> runProcedure(const Scenario& scenario, const std::filesystem::path& case_file,
                                   Progress& progress = Progress::none(), const RunListener& listener = {});
+
+// What came of a case so far, without going on with it: the case is read, the world is made again. Nothing: it is not
+// of a simulation.
+Result<std::optional<ProcedureRun>> lookAtProcedure(const std::filesystem::path& case_file,
+                                                    Progress& progress = Progress::none());
 
 }  // namespace fluorocut

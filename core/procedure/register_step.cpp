@@ -65,8 +65,8 @@ std::vector<NamedPoint> pointsOf(const ProcedurePlan& plan) {
         high = std::max(high, vertex.z());
     }
     if (plan.cavity.top_mm) high = std::min(high, *plan.cavity.top_mm);
-    return {{"the cavity's bottom", plan.femur_from_cavity * Vector3(0, 0, low)},
-            {"the cavity's opening", plan.femur_from_cavity * Vector3(0, 0, high)}};
+    return {{"cavity's bottom", plan.femur_from_cavity * Vector3(0, 0, low)},
+            {"cavity's opening", plan.femur_from_cavity * Vector3(0, 0, high)}};
 }
 
 }  // namespace
@@ -127,7 +127,7 @@ Result<StepOutput> registerStep(const ProcedureSetup& setup, const StepInputs& i
     result.findings.acceptance = measured->acceptance;
     result.findings.acceptance.insert(result.findings.acceptance.end(), chain->acceptance.begin(),
                                       chain->acceptance.end());
-    result.findings.summary = fmt::format("The femur is registered to the robot to {:.2f} mm (95 %) at {}.",
+    result.findings.summary = fmt::format("The femur is registered to the robot to {:.2f} mm (95 %) at the {}.",
                                           worst->radius95_mm, worst->point.name);
     return StepOutput{jsonText(result), {}};
 }

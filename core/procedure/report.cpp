@@ -1,6 +1,7 @@
 #include "core/procedure/report.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <optional>
 
@@ -8,6 +9,9 @@
 
 #include "core/base/units.h"
 #include "core/imaging/silhouette.h"
+#include "core/io/atomic_file.h"
+#include "core/io/mesh_file.h"
+#include "core/procedure/report_pdf.h"
 #include "core/procedure/standing.h"
 #include "core/procedure/steps.h"
 
@@ -60,6 +64,20 @@ std::string mm(double value) {
     return std::isfinite(value) ? fmt::format("{:.2f} mm", value) : std::string("not known");
 }
 
+std::string lowerExtension(const std::filesystem::path& path) {
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return extension;
+}
+
+// Root mean square over the axes, mm and degrees.
+std::pair<std::optional<double>, std::optional<double>> sigmasOf(const Pose& pose) {
+    if (!pose.covariance) return {};
+    const Vector6 variance = pose.covariance->diagonal();
+    return {std::sqrt(variance.head<3>().mean()), degreesFromRadians(std::sqrt(variance.tail<3>().mean()))};
+}
+
 void addContours(const Silhouette& cavity, const CArm& carm, const Rigid3& imager_from_cavity, ReportCurve::Kind kind,
                  std::vector<ReportCurve>& curves) {
     SilhouetteOptions options;
@@ -76,31 +94,151 @@ void addContours(const Silhouette& cavity, const CArm& carm, const Rigid3& image
     }
 }
 
-Result<std::vector<ReportPicture>> picturesOf(const ProcedureSetup& setup, int stage, const LocationResult& location,
-                                              const StepInputs& inputs) {
+// A stage's image of each view with the cavities that it is to be held against: { kind, mesh, femur_from_cavity }.
+struct DrawnCavity {
+    ReportCurve::Kind kind;
+    const Silhouette* cavity;
+    Rigid3 femur_from_cavity;
+};
+
+Result<std::vector<ReportPicture>> picturesOf(const ProcedureSetup& setup, int stage, const StepInputs& inputs,
+                                              const std::vector<Rigid3>& imager_from_femur, const std::string& when,
+                                              const std::vector<DrawnCavity>& cavities) {
     const Result<StageImages> taken = readImages(setup, stage, inputs);
     if (!taken) return taken.error();
-    Result<TriangleMesh> mesh = readStageMesh(stage, inputs);
-    if (!mesh) return mesh.error();
-    const Result<Silhouette> cavity = Silhouette::prepare(std::move(*mesh));
-    if (!cavity) return cavity.error();
     std::vector<ReportPicture> pictures;
-    for (std::size_t i = 0; i < setup.views.size() && i < location.views.size(); ++i) {
+    for (std::size_t i = 0; i < setup.views.size() && i < imager_from_femur.size(); ++i) {
         const ProcedureView& view = setup.views[i];
-        ReportPicture picture{fmt::format("{}, after cut {}", view.name, stage), taken->images[i], {}};
-        const Rigid3& imager_from_femur = location.views[i].imager_from_femur.target_from_source;
-        addContours(*cavity, view.carm, imager_from_femur * setup.plan.femur_from_cavity, ReportCurve::Kind::planned,
-                    picture.curves);
-        addContours(*cavity, view.carm, imager_from_femur * location.femur_from_cut_cavity.target_from_source,
-                    ReportCurve::Kind::found, picture.curves);
+        ReportPicture picture{view.name + ", " + when, taken->images[i], {}};
+        for (const DrawnCavity& drawn : cavities)
+            addContours(*drawn.cavity, view.carm, imager_from_femur[i] * drawn.femur_from_cavity, drawn.kind,
+                        picture.curves);
         pictures.push_back(std::move(picture));
     }
     return pictures;
 }
 
+Result<Silhouette> stageSilhouette(const CaseStore& store, const PlannedStage& stage) {
+    const Result<std::string> bytes = store.bytes(stage.mesh);
+    if (!bytes) return bytes.error();
+    Result<MeshFile> mesh =
+        readBytes("stage.stl", *bytes, [](const std::filesystem::path& path) { return readMesh(path); });
+    if (!mesh) return mesh.error();
+    return Silhouette::prepare(std::move(mesh->mesh));
+}
+
+// The first and the final cavity where they are to be cut, over the images before the first cut.
+Result<std::vector<ReportPicture>> planPictures(const CaseStore& store, const ProcedureSetup& setup,
+                                                const StepInputs& inputs, const RegistrationResult& registration,
+                                                const PlanResult& plan) {
+    if (plan.stages.empty()) return std::vector<ReportPicture>();
+    const Result<Silhouette> final = stageSilhouette(store, plan.stages.back());
+    if (!final) return final.error();
+    const Result<Silhouette> first = stageSilhouette(store, plan.stages.front());
+    if (!first) return first.error();
+    std::vector<DrawnCavity> cavities{{ReportCurve::Kind::planned, &*final, setup.plan.femur_from_cavity}};
+    if (plan.stages.size() > 1) cavities.push_back({ReportCurve::Kind::first, &*first, setup.plan.femur_from_cavity});
+    std::vector<Rigid3> poses;
+    for (const RegisteredView& view : registration.views)
+        poses.push_back(view.imager_from_femur.target_from_source);
+    return picturesOf(setup, 0, inputs, poses, "before the first cut", cavities);
+}
+
 void addFindings(const StepFindings& findings, ReportStage& stage) {
     stage.acceptance.insert(stage.acceptance.end(), findings.acceptance.begin(), findings.acceptance.end());
     stage.doubts.insert(stage.doubts.end(), findings.doubts.begin(), findings.doubts.end());
+}
+
+std::string sigmas(const Pose& pose) {
+    const auto [place, turn] = sigmasOf(pose);
+    return place ? fmt::format("{:.3f} mm, {:.3f}°", *place, *turn) : std::string("not known");
+}
+
+std::string duration(double s) {
+    if (!std::isfinite(s)) return "not known";
+    const double minutes = std::floor(s / 60);
+    return minutes < 180 ? fmt::format("{:.0f} min", minutes) : fmt::format("{:.1f} h", s / 3600);
+}
+
+// How exactly everything is known that the procedure rests on (standard deviations), and how old it was at each cut.
+Result<std::vector<std::pair<std::string, std::string>>> calibrationsOf(const Reader& reader,
+                                                                        const ProcedureSetup& setup) {
+    const ProcedureCalibration& known = setup.calibration;
+    std::vector<std::pair<std::string, std::string>> rows{
+        {"Calibrated", known.calibrated_utc},
+        {"Imager",
+         fmt::format("focal length to {:.2f} mm, image centre to {:.2f} px, distortion straightened to {:.3f} mm "
+                     "(1 σ)",
+                     known.focal_length_sigma_mm, known.image_centre_sigma_px, known.local_distortion_mm)},
+        {"Corkscrew on the flange", sigmas(known.flange_from_corkscrew) + " (1 σ)"},
+        {"Corkscrew's dimensions", fmt::format("{:.3f} mm (1 σ)", known.corkscrew_sigma_mm)},
+        {"Beads in the femur",
+         fmt::format("{}, each to {:.3f} mm (1 σ)", setup.patient.beads.beads.size(), known.bead_sigma_mm)},
+        {"Robot", fmt::format("{:.3f} mm, {:.3f}° (root mean square)", known.robot_sigma_mm,
+                              degreesFromRadians(known.robot_sigma_rad))}};
+    for (int number = 1; number <= setup.plan.stages; ++number) {
+        const auto shown = reader.newest(ProcedureStep{StepKind::timeOut, number}.name(), parseTimeOut);
+        if (!shown) return shown.error();
+        if (*shown) rows.emplace_back(fmt::format("Age at time-out {}", number), duration((*shown)->calibration_age_s));
+    }
+    return rows;
+}
+
+ReportView viewOf(const ProcedureView& view) {
+    const CArm& carm = view.carm;
+    return {view.name,
+            fmt::format("orbital {:.0f}°, angulation {:.0f}°", degreesFromRadians(view.position.orbital_rad),
+                        degreesFromRadians(view.position.angulation_rad)),
+            fmt::format("f {:.1f} mm, centre {:.1f}, {:.1f} px, pixel {:.3f} mm{}", carm.focal_length_mm,
+                        carm.principal_point_px.x(), carm.principal_point_px.y(), carm.pixel_mm.x(),
+                        carm.distortion ? ", straightened" : ""),
+            kUnknown,
+            kUnknown,
+            {}};
+}
+
+ReportPose reportPose(const std::string& name, const std::string& from, const Pose& pose) {
+    const auto [place, turn] = sigmasOf(pose);
+    return {name, from, pose.target_from_source, place, turn};
+}
+
+// Everything by which one frame is found from another, in the order in which it was found.
+Result<void> addPosesAndViews(const Reader& reader, const ProcedureSetup& setup,
+                              const std::optional<RegistrationResult>& registration, ProcedureReport& report) {
+    const Matrix6 exact = Matrix6::Zero();
+    report.poses.push_back(reportPose("flange from corkscrew", "calibration", setup.calibration.flange_from_corkscrew));
+    report.poses.push_back(reportPose("flange from cutter", "calibration",
+                                      {Frame::flange, Frame::cutter, setup.calibration.flange_from_cutter, exact}));
+    report.poses.push_back(
+        reportPose("femur from cavity", "plan", {Frame::femur, Frame::cavity, setup.plan.femur_from_cavity, exact}));
+    for (const ProcedureView& view : setup.views)
+        report.views.push_back(viewOf(view));
+    if (registration) {
+        for (std::size_t i = 0; i < registration->views.size() && i < report.views.size(); ++i) {
+            const RegisteredView& view = registration->views[i];
+            if (!view.used) report.views[i].position += ", left out";
+            report.views[i].residual_mm = view.residual_mm;
+            report.views[i].residual_deg = degreesFromRadians(view.residual_rad);
+            report.poses.push_back(reportPose("imager from femur, " + view.name, "register", view.imager_from_femur));
+        }
+        report.poses.push_back(reportPose("robot from femur", "register", registration->robot_from_femur));
+    }
+    for (int number = 1; number <= setup.plan.stages; ++number) {
+        const std::string locate = ProcedureStep{StepKind::locate, number}.name();
+        const auto location = reader.newest(locate, parseLocation);
+        if (!location) return location.error();
+        if (*location) {
+            report.poses.push_back(reportPose("femur from cut cavity", locate, (*location)->femur_from_cut_cavity));
+            for (std::size_t i = 0; i < report.views.size() && i < (*location)->views.size(); ++i)
+                report.views[i].beads_px.emplace_back(fmt::format("cut {}", number), (*location)->views[i].beads_px);
+        }
+        const std::string correct = ProcedureStep{StepKind::correct, number}.name();
+        const auto correction = reader.newest(correct, parseCorrection);
+        if (!correction) return correction.error();
+        if (*correction)
+            report.poses.push_back(reportPose("robot from femur", correct, (*correction)->robot_from_femur));
+    }
+    return {};
 }
 
 // Nothing: not cut yet.
@@ -131,7 +269,17 @@ Result<std::optional<ReportStage>> stageOf(const Reader& reader, const Procedure
         addFindings(found.findings, stage);
         const Result<StepInputs> inputs = reader.inputsFor({StepKind::locate, number});
         if (!inputs) return inputs.error();
-        Result<std::vector<ReportPicture>> pictures = picturesOf(setup, number, found, *inputs);
+        Result<TriangleMesh> mesh = readStageMesh(number, *inputs);
+        if (!mesh) return mesh.error();
+        const Result<Silhouette> cavity = Silhouette::prepare(std::move(*mesh));
+        if (!cavity) return cavity.error();
+        std::vector<Rigid3> poses;
+        for (const LocatedView& view : found.views)
+            poses.push_back(view.imager_from_femur.target_from_source);
+        Result<std::vector<ReportPicture>> pictures =
+            picturesOf(setup, number, *inputs, poses, fmt::format("after cut {}", number),
+                       {{ReportCurve::Kind::found, &*cavity, found.femur_from_cut_cavity.target_from_source},
+                        {ReportCurve::Kind::planned, &*cavity, setup.plan.femur_from_cavity}});
         if (!pictures) return pictures.error();
         stage.pictures = std::move(*pictures);
     }
@@ -187,8 +335,18 @@ Result<ProcedureReport> reportOf(const CaseStore& store, Progress& progress) {
                     {"Side", setup->patient.side},
                     {"Implant", setup->plan.implant},
                     {"Begun", info->created_utc},
-                    {"Calibrated", setup->calibration.calibrated_utc},
-                    {"Views", fmt::format("{}", setup->views.size())}};
+                    {"Newest record", info->newest_utc},
+                    {"Views", fmt::format("{}", setup->views.size())},
+                    {"Case", info->id},
+                    {"Newest hash", info->newest_hash},
+                    {"Software", info->software}};
+    report.patient = setup->patient.name;
+    report.side = setup->patient.side;
+    report.created_utc = info->created_utc;
+    auto calibrations = calibrationsOf(reader, *setup);
+    if (!calibrations) return calibrations.error();
+    report.calibrations = std::move(*calibrations);
+    if (auto added = addPosesAndViews(reader, *setup, *registration, report); !added) return added.error();
     if (*registration) {
         report.facts.emplace_back("First registration", (*registration)->findings.summary);
         report.budget_at = (*registration)->budget_sentence;
@@ -196,6 +354,13 @@ Result<ProcedureReport> reportOf(const CaseStore& store, Progress& progress) {
             report.budget.push_back({share.term, share.share});
     }
     if (*plan) report.facts.emplace_back("Plan", (*plan)->findings.summary);
+    if (*registration && *plan) {
+        const Result<StepInputs> inputs = reader.inputsFor({StepKind::registration, 0});
+        if (!inputs) return inputs.error();
+        auto pictures = planPictures(store, *setup, *inputs, **registration, **plan);
+        if (!pictures) return pictures.error();
+        report.plan_pictures = std::move(*pictures);
+    }
     for (int number = 1; number <= setup->plan.stages; ++number) {
         if (progress.isCancelled()) return cancelled("report");
         progress.report(static_cast<double>(number - 1) / setup->plan.stages, "writing the report");
@@ -214,6 +379,19 @@ Result<ProcedureReport> reportOf(const CaseStore& store, Progress& progress) {
         std::all_of(steps.begin(), steps.end(), [](const StepStanding& s) { return s.state == StepState::accepted; });
     report.conclusion = conclusionOf(report, steps);
     return report;
+}
+
+Result<void> checkReportFile(const std::filesystem::path& path) {
+    const std::string extension = lowerExtension(path);
+    if (extension == ".html" || extension == ".pdf") return {};
+    return invalidOption(path.string(), extension.empty() ? "no extension" : extension, ".pdf or .html");
+}
+
+Result<void> writeReport(const std::filesystem::path& path, const ProcedureReport& report) {
+    if (Result<void> good = checkReportFile(path); !good) return good;
+    const Result<std::string> bytes = lowerExtension(path) == ".pdf" ? pdf(report) : html(report);
+    if (!bytes) return bytes.error();
+    return writeWhole(path, *bytes);
 }
 
 }  // namespace fluorocut

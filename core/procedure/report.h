@@ -2,6 +2,8 @@
 // cut with the cavity as it was planned and as it was found, and who decided what.
 #pragma once
 
+#include <filesystem>
+
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/casestore/case_store.h"
@@ -12,5 +14,10 @@ namespace fluorocut {
 // Of a case in which a procedure was begun, finished or not; one stage for each that has been cut. invalidInput: there
 // is no procedure in it, or what lies in it cannot be read.
 Result<ProcedureReport> reportOf(const CaseStore& store, Progress& progress = Progress::none());
+
+// By the extension: .pdf (report_pdf.h), .html (report_html.h). invalidOption: another one.
+Result<void> writeReport(const std::filesystem::path& path, const ProcedureReport& report);
+// The same question before long work.
+Result<void> checkReportFile(const std::filesystem::path& path);
 
 }  // namespace fluorocut

@@ -1,8 +1,6 @@
 #include "core/procedure/report_html.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdint>
 #include <string_view>
 
@@ -10,11 +8,12 @@
 
 #include "core/io/image_file.h"
 #include "core/procedure/content.h"
+#include "core/procedure/report_document.h"
+#include "core/procedure/report_picture.h"
 
 namespace fluorocut {
 namespace {
 
-// Blue and orange differ with every kind of colour blindness (Okabe and Ito 2008).
 constexpr const char* kStyle = R"css(
 :root { --ink: #1f2933; --faint: #66717c; --line: #d5dbe1; --paper: #ffffff; --soft: #f4f6f8; --planned: #0072b2;
         --found: #d55e00; --good: #1b7f4d; --bad: #b3261e; }
@@ -27,6 +26,7 @@ h1 { margin: 0; font-size: 28px; } h2 { margin: 36px 0 10px; font-size: 21px; bo
 .conclusion.open { border-color: var(--bad); background: #fbecea; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 4px 22px; margin: 14px 0; }
 dt { color: var(--faint); } dd { margin: 0; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; margin: 10px 0; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 6px 10px; border-bottom: 1px solid var(--line); vertical-align: top; }
 th { color: var(--faint); font-weight: 600; } td.n, th.n { text-align: right; }
@@ -36,12 +36,13 @@ figure { margin: 0; } figure div { position: relative; line-height: 0; backgroun
 figure img { width: 100%; } figure svg { position: absolute; inset: 0; width: 100%; height: 100%; }
 figcaption { color: var(--faint); padding-top: 6px; }
 .curve { fill: none; stroke-width: 1.6px; vector-effect: non-scaling-stroke; }
-.planned { stroke: #56b4e9; stroke-dasharray: 6 4; } .found { stroke: #e69f00; }
+.planned { stroke: #56b4e9; stroke-dasharray: 6 4; } .first { stroke: #f0e442; stroke-dasharray: 2 3; }
+.found { stroke: #e69f00; }
 .key { display: inline-block; width: 26px; border-top: 3px solid; vertical-align: middle; margin: 0 6px 0 14px; }
 .bar { background: var(--planned); height: 14px; border-radius: 2px; }
 .doubt { padding: 8px 14px; border-left: 5px solid var(--bad); background: #fbecea; margin: 8px 0; }
 footer { color: var(--faint); margin-top: 40px; font-size: 13px; overflow-wrap: anywhere; }
-@media print { body { background: none; } main { max-width: none; padding: 0; } section { break-inside: avoid; } }
+@media print { body { background: none; } main { max-width: none; padding: 0; } tr, figure, dl { break-inside: avoid; } h2 { break-after: avoid; } }
 )css";
 
 std::string escaped(std::string_view text) {
@@ -81,31 +82,13 @@ std::string base64(std::string_view bytes) {
     return out;
 }
 
-std::string length(double mm) {
-    return std::isfinite(mm) ? fmt::format("{:.2f} mm", mm) : std::string("not known");
-}
-
-std::string angle(double degrees) {
-    return std::isfinite(degrees) ? fmt::format("{:.2f}&deg;", degrees) : std::string("not known");
-}
-
-// Levels to grey as the eye takes them, by logarithm: equal thicknesses are equal steps.
 Result<std::string> pngOf(const Image& image) {
-    Image gray(image.width(), image.height());
-    std::vector<float> sorted(image.pixels().begin(), image.pixels().end());
-    if (sorted.empty()) return invalidInput("report", "a picture without pixels", "a picture");
-    std::sort(sorted.begin(), sorted.end());
-    const auto at = [&](double part) {
-        return sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1))];
-    };
-    const float high = std::max(at(0.999), 1e-20F), low = std::max(at(0.001), 1e-4F * high);
-    const float scale = 255 / std::max(std::log(high / low), 1e-6F);
-    for (std::size_t i = 0; i < gray.pixels().size(); ++i)
-        gray.pixels()[i] = scale * std::log(std::clamp(image.pixels()[i], low, high) / low);
+    const Result<Image> grey = reportGrey(image);
+    if (!grey) return grey.error();
     ImageWriteOptions options;
     options.type = PixelType::uint8;
     options.window = std::pair(0.F, 255.F);
-    return bytesOf("picture.png", [&](const std::filesystem::path& path) { return writeImage(path, gray, options); });
+    return bytesOf("picture.png", [&](const std::filesystem::path& path) { return writeImage(path, *grey, options); });
 }
 
 Result<std::string> figure(const ReportPicture& picture) {
@@ -117,8 +100,7 @@ Result<std::string> figure(const ReportPicture& picture) {
         // Pixel centres are at integers, the picture's corner at (-0.5, -0.5).
         for (const Vector2& p : curve.points)
             points += fmt::format("{:.2f},{:.2f} ", p.x() + 0.5, p.y() + 0.5);
-        curves += fmt::format(R"(<polyline class="curve {}" points="{}"/>)",
-                              curve.kind == ReportCurve::Kind::planned ? "planned" : "found", points);
+        curves += fmt::format(R"(<polyline class="curve {}" points="{}"/>)", lookOf(curve.kind).name, points);
     }
     return fmt::format(
         R"(<figure><div><img alt="{0}" src="data:image/png;base64,{1}"><svg viewBox="0 0 {2} {3}">{4}</svg></div>)"
@@ -126,155 +108,126 @@ Result<std::string> figure(const ReportPicture& picture) {
         escaped(picture.title), base64(*png), picture.image.width(), picture.image.height(), curves);
 }
 
-std::string list(const std::vector<std::pair<std::string, std::string>>& facts) {
+std::string css(const ReportColor& color) {
+    return fmt::format("#{:02x}{:02x}{:02x}", color[0], color[1], color[2]);
+}
+
+// One overload for each kind of block; fails where a picture cannot be encoded.
+
+Result<std::string> block(const ReportText& text) {
+    const bool conclusion = text.style == ReportText::Style::conclusion;
+    const char* look = conclusion ? text.good ? " class=\"conclusion\"" : " class=\"conclusion open\""
+                       : text.style == ReportText::Style::doubt ? " class=\"doubt\""
+                                                                : "";
+    return fmt::format("<p{}>{}</p>\n", look, escaped(text.text));
+}
+
+Result<std::string> block(const ReportFacts& facts) {
     std::string out = "<dl>";
-    for (const auto& [what, value] : facts)
+    for (const auto& [what, value] : facts.rows)
         out += fmt::format("<dt>{}</dt><dd>{}</dd>", escaped(what), escaped(value));
     return out + "</dl>\n";
 }
 
-// Offsets from cut to cut on a logarithmic scale, with what was announced before each.
-std::string chart(const std::vector<ReportStage>& stages) {
-    constexpr double kLeft = 76, kTop = 14, kHeight = 220, kStep = 150;
-    constexpr double kLeast = 0.01, kMost = 10;
-    const double width = kLeft + kStep * static_cast<double>(std::max<std::size_t>(stages.size(), 1)) + 10;
-    const auto y = [&](double mm) {
-        return kTop + kHeight * std::log(kMost / std::clamp(mm, kLeast, kMost)) / std::log(kMost / kLeast);
-    };
-    std::string out = fmt::format(
-        R"(<svg viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="Offset after each cut">)", width,
-        kTop + kHeight + 34);
-    for (const double mm : {0.01, 0.1, 1.0, 10.0}) {
-        out += fmt::format(
-            R"(<line x1="{0}" x2="{1}" y1="{2}" y2="{2}" stroke="#d5dbe1"/><text x="{3}" y="{4}" text-anchor="end" )"
-            R"(font-size="14" fill="#66717c">{5:g} mm</text>)",
-            kLeft, width, y(mm), kLeft - 8, y(mm) + 5, mm);
+std::string cell(const ReportCell& cell, bool number) {
+    if (cell.bar)
+        return fmt::format(R"(<td style="width:50%"><div class="bar" style="width:{:.1f}%"></div></td>)",
+                           100 * *cell.bar);
+    const char* look = cell.tone == ReportCell::Tone::good  ? " class=\"yes\""
+                       : cell.tone == ReportCell::Tone::bad ? " class=\"no\""
+                       : number                             ? " class=\"n\""
+                                                            : "";
+    return fmt::format("<td{}>{}</td>", look, escaped(cell.text));
+}
+
+Result<std::string> block(const ReportTable& table) {
+    std::string out = "<div class=\"wide\"><table>";
+    if (std::any_of(table.columns.begin(), table.columns.end(), [](const auto& c) { return !c.title.empty(); })) {
+        out += "<thead><tr>";
+        for (const ReportTable::Column& column : table.columns)
+            out += fmt::format("<th{}>{}</th>", column.number ? " class=\"n\"" : "", escaped(column.title));
+        out += "</tr></thead>";
     }
-    for (std::size_t i = 0; i < stages.size(); ++i) {
-        const ReportStage& stage = stages[i];
-        const double x = kLeft + kStep * (static_cast<double>(i) + 0.5);
-        if (std::isfinite(stage.announced_mm)) {
-            out += fmt::format(R"(<rect x="{}" y="{}" width="56" height="{}" fill="#0072b2" opacity="0.16"/>)"
-                               R"(<line x1="{}" x2="{}" y1="{}" y2="{}" stroke="#0072b2" stroke-width="2"/>)",
-                               x - 28, y(stage.announced_mm), kTop + kHeight - y(stage.announced_mm), x - 28, x + 28,
-                               y(stage.announced_mm), y(stage.announced_mm));
-        }
-        if (std::isfinite(stage.measured.mm))
-            out += fmt::format(R"(<circle cx="{}" cy="{}" r="6" fill="#d55e00"/>)", x, y(stage.measured.mm));
-        if (stage.truth && std::isfinite(stage.truth->mm)) {
-            out += fmt::format(
-                R"(<path d="M {0} {1} l 8 8 m 0 -8 l -8 8" stroke="#1f2933" stroke-width="2.5" fill="none"/>)", x - 4,
-                y(stage.truth->mm) - 4);
-        }
-        out += fmt::format(R"(<text x="{}" y="{}" text-anchor="middle" font-size="14">{}</text>)", x,
-                           kTop + kHeight + 24, escaped(stage.name));
+    out += "<tbody>";
+    for (const std::vector<ReportCell>& row : table.rows) {
+        out += "<tr>";
+        for (std::size_t i = 0; i < row.size(); ++i)
+            out += cell(row[i], table.columns[i].number);
+        out += "</tr>";
     }
+    return out + "</tbody></table></div>\n";
+}
+
+Result<std::string> block(const ReportKey& key) {
+    std::string out = "<p>";
+    for (const ReportKey::Entry& entry : key.entries)
+        out += fmt::format(R"(<span class="key" style="border-color:{}{}"></span>{})", css(entry.color),
+                           entry.dashed ? ";border-top-style:dashed" : "", escaped(entry.label));
+    return out + "</p>\n";
+}
+
+std::string shape(const ReportDrawing::Shape& s) {
+    using Kind = ReportDrawing::Shape::Kind;
+    const std::string color = css(s.color);
+    switch (s.kind) {
+        case Kind::line:
+            return fmt::format(R"(<line x1="{}" y1="{}" x2="{}" y2="{}" stroke="{}" stroke-width="{}"/>)", s.x, s.y,
+                               s.x + s.dx, s.y + s.dy, color, s.width);
+        case Kind::rectangle:
+            return fmt::format(R"(<rect x="{}" y="{}" width="{}" height="{}" fill="{}" opacity="{}"/>)", s.x, s.y, s.dx,
+                               s.dy, color, s.opacity);
+        case Kind::circle:
+            return fmt::format(R"(<circle cx="{}" cy="{}" r="{}" fill="{}"/>)", s.x, s.y, s.dx, color);
+        case Kind::cross:
+            return fmt::format(
+                R"(<path d="M {0} {1} l {2} {2} m 0 -{2} l -{2} {2}" stroke="{3}" stroke-width="{4}" fill="none"/>)",
+                s.x - s.dx, s.y - s.dx, 2 * s.dx, color, s.width);
+        case Kind::text:
+            return fmt::format(R"(<text x="{}" y="{}" text-anchor="{}" font-size="{}" fill="{}">{}</text>)", s.x, s.y,
+                               s.anchor == ReportDrawing::Shape::Anchor::end ? "end" : "middle", s.dx, color,
+                               escaped(s.text));
+    }
+    return {};
+}
+
+Result<std::string> block(const ReportDrawing& drawing) {
+    std::string out = fmt::format(R"(<svg viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="{2}">)",
+                                  drawing.width, drawing.height, escaped(drawing.label));
+    for (const ReportDrawing::Shape& s : drawing.shapes)
+        out += shape(s);
     return out + "</svg>\n";
 }
 
-std::string stageTable(const std::vector<ReportStage>& stages) {
-    const bool simulated =
-        std::any_of(stages.begin(), stages.end(), [](const ReportStage& stage) { return stage.truth.has_value(); });
-    std::string out =
-        "<table><thead><tr><th>Cut</th><th class=\"n\">announced before it, 95 %</th><th class=\"n\">found off the "
-        "plan</th><th class=\"n\">known to, 95 %</th>";
-    if (simulated) out += "<th class=\"n\">truly off the plan (simulation)</th>";
-    out += "</tr></thead><tbody>";
-    for (const ReportStage& stage : stages) {
-        out += fmt::format("<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}, {}</td><td class=\"n\">{}</td>",
-                           escaped(stage.name), length(stage.announced_mm), length(stage.measured.mm),
-                           angle(stage.measured.degrees), length(stage.measured_bound_mm));
-        if (stage.truth)
-            out += fmt::format("<td class=\"n\">{}, {}</td>", length(stage.truth->mm), angle(stage.truth->degrees));
-        else if (simulated)
-            out += "<td class=\"n\">not known</td>";
-        out += "</tr>";
+Result<std::string> block(const ReportPictures& pictures) {
+    std::string out = "<div class=\"pictures\">";
+    for (const ReportPicture& picture : *pictures.pictures) {
+        Result<std::string> drawn = figure(picture);
+        if (!drawn) return drawn.error();
+        out += *drawn;
     }
-    return out + "</tbody></table>\n";
-}
-
-Result<std::string> stageSection(const ReportStage& stage) {
-    std::string out = fmt::format("<section><h2>{}</h2>", escaped(stage.name));
-    for (const std::string& doubt : stage.doubts)
-        out += fmt::format("<p class=\"doubt\">{}</p>", escaped(doubt));
-    out += list(stage.facts);
-    if (!stage.acceptance.empty()) {
-        out += "<table><tbody>";
-        for (const Judgement& judgement : stage.acceptance) {
-            out += fmt::format("<tr><td class=\"{}\">{}</td><td>{}</td></tr>", judgement.accepted() ? "yes" : "no",
-                               judgement.accepted() ? "good" : "not good", escaped(judgement.sentence()));
-        }
-        out += "</tbody></table>";
-    }
-    if (!stage.pictures.empty()) {
-        out +=
-            "<p><span class=\"key\" style=\"border-color:#56b4e9;border-top-style:dashed\"></span>planned"
-            "<span class=\"key\" style=\"border-color:#e69f00\"></span>found</p><div class=\"pictures\">";
-        for (const ReportPicture& picture : stage.pictures) {
-            Result<std::string> drawn = figure(picture);
-            if (!drawn) return drawn.error();
-            out += *drawn;
-        }
-        out += "</div>";
-    }
-    return out + "</section>\n";
-}
-
-std::string budgetSection(const ProcedureReport& report) {
-    if (report.budget.empty()) return {};
-    std::string out = fmt::format("<section><h2>Where the first registration's error comes from</h2><p>{}</p><table>",
-                                  escaped(report.budget_at));
-    for (const ReportTerm& term : report.budget) {
-        out += fmt::format(
-            "<tr><td>{}</td><td class=\"n\">{:.0f} %</td><td style=\"width:50%\"><div class=\"bar\" "
-            "style=\"width:{:.1f}%\"></div></td></tr>",
-            escaped(term.name), 100 * term.share, 100 * std::clamp(term.share, 0.0, 1.0));
-    }
-    return out + "</table></section>\n";
-}
-
-std::string decisionSection(const std::vector<ReportDecision>& decisions) {
-    if (decisions.empty()) return {};
-    std::string out =
-        "<section><h2>Decisions</h2><table><thead><tr><th>when (UTC)</th><th>step</th><th>decision</th><th>who</th>"
-        "<th>why</th></tr></thead><tbody>";
-    for (const ReportDecision& decision : decisions) {
-        out += fmt::format("<tr><td>{}</td><td>{}</td><td class=\"{}\">{}</td><td>{}</td><td>{}</td></tr>",
-                           escaped(decision.when), escaped(decision.step), decision.accepted ? "yes" : "no",
-                           decision.accepted ? "accepted" : "refused", escaped(decision.who), escaped(decision.why));
-    }
-    return out + "</tbody></table></section>\n";
+    return out + "</div>\n";
 }
 
 }  // namespace
 
 Result<std::string> html(const ProcedureReport& report) {
-    const std::string title = escaped(report.title);
+    const ReportDocument document = documentOf(report);
     std::string out = fmt::format(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
         "content=\"width=device-width\"><title>{0}</title><style>{1}</style></head><body><main>\n<h1>{0}</h1>"
-        "<p class=\"notice\">FluoroCut: research software, not a medical device</p>\n"
-        "<p class=\"conclusion{2}\">{3}</p>\n",
-        title, kStyle, report.finished ? "" : " open", escaped(report.conclusion));
-    out += list(report.facts);
-    if (!report.stages.empty()) {
-        const bool simulated = std::any_of(report.stages.begin(), report.stages.end(),
-                                           [](const ReportStage& stage) { return stage.truth.has_value(); });
-        out += "<section><h2>From cut to cut</h2>" + chart(report.stages) +
-               "<p><span class=\"key\" style=\"border-color:#0072b2\"></span>announced before the cut (95 %)"
-               "<span class=\"key\" style=\"border-color:#d55e00\"></span>found after it" +
-               (simulated ? "<span class=\"key\" style=\"border-color:#1f2933\"></span>truth of the simulation" : "") +
-               "</p>" + stageTable(report.stages) + "</section>\n";
+        "<p class=\"notice\">{2}</p>\n",
+        escaped(document.title), kStyle, escaped(document.notice));
+    for (const ReportSection& section : document.sections) {
+        out += "<section>";
+        if (!section.title.empty()) out += fmt::format("<h2>{}</h2>\n", escaped(section.title));
+        for (const ReportBlock& content : section.blocks) {
+            Result<std::string> drawn = std::visit([](const auto& b) { return block(b); }, content);
+            if (!drawn) return drawn.error();
+            out += *drawn;
+        }
+        out += "</section>\n";
     }
-    out += budgetSection(report);
-    for (const ReportStage& stage : report.stages) {
-        Result<std::string> section = stageSection(stage);
-        if (!section) return section.error();
-        out += *section;
-    }
-    out += decisionSection(report.decisions);
-    out += fmt::format("<footer>{}. Case {}, newest record {}.</footer>\n</main></body></html>\n",
-                       escaped(report.software), escaped(report.case_id), escaped(report.newest_hash));
+    out += fmt::format("<footer>{}</footer>\n</main></body></html>\n", escaped(document.footer));
     return out;
 }
 

@@ -1,6 +1,6 @@
-// The report of a procedure as one page of HTML that needs nothing else: pictures lie in it, contours are drawn over
+// A report as a value, and as one page of HTML that needs nothing else: pictures lie in it, contours are drawn over
 // them as vectors, and it prints. What stands in it comes from the case (report.h); what only a simulation can know,
-// the true offsets, is added by whoever ran one, and shown apart.
+// the true offsets, is added by whoever ran one, and shown apart. As PDF: report_pdf.h.
 //
 // mm and degrees, as people read them.
 #pragma once
@@ -20,7 +20,7 @@ namespace fluorocut {
 
 // A contour in pixels of its picture, pixel centres at integers.
 struct ReportCurve {
-    enum class Kind { planned, found };
+    enum class Kind { planned, first, found };  // the final cavity's plan, the first stage's, what was found
     Kind kind = Kind::planned;
     std::vector<Vector2> points;
 };
@@ -58,16 +58,36 @@ struct ReportTerm {
     double share = 0;  // of the variance
 };
 
+struct ReportView {
+    std::string name, position;  // "ap", "orbital 0°, angulation 0°"
+    std::string imager;          // "f 1000 mm, centre 255.5, 255.5 px, 0.32 mm pixels"
+    double residual_mm = std::numeric_limits<double>::quiet_NaN();  // of the registration
+    double residual_deg = std::numeric_limits<double>::quiet_NaN();
+    std::vector<std::pair<std::string, double>> beads_px;  // after which cut, residual of the femur's beads
+};
+
+struct ReportPose {
+    std::string name, from;  // "robot from femur", "register"
+    Rigid3 target_from_source;
+    std::optional<double> sigma_mm, sigma_deg;  // root mean square over the axes
+};
+
 struct ProcedureReport {
     std::string title;
     std::string conclusion;  // one or two sentences for the surgeon
     bool finished = false;   // all steps are accepted
     std::vector<std::pair<std::string, std::string>> facts;
-    std::string budget_at;  // "0.31 mm (95 %) at the stem's tip"
+    std::vector<std::pair<std::string, std::string>> calibrations;  // what, and how exactly it is known; ages
+    std::vector<ReportView> views;
+    std::vector<ReportPicture> plan_pictures;  // before the first cut, with what is planned
+    std::string budget_at;                     // "0.31 mm (95 %) at the stem's tip"
     std::vector<ReportTerm> budget;
     std::vector<ReportStage> stages;
+    std::vector<ReportPose> poses;
     std::vector<ReportDecision> decisions;
     std::string software, case_id, newest_hash;
+    // For an archive.
+    std::string patient, side, created_utc;
 };
 
 // Fails where a picture cannot be encoded.

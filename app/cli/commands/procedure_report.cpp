@@ -13,6 +13,7 @@
 #include "core/base/units.h"
 #include "core/io/atomic_file.h"
 #include "core/procedure/report.h"
+#include "core/procedure/report_captures.h"
 
 namespace fluorocut::cli {
 namespace {
@@ -127,18 +128,36 @@ ReportOffset reportOffset(const CavityOffset& offset) {
     return {offset.middle_mm, degreesFromRadians(offset.turn_rad)};
 }
 
-// The case's own report, with what only a simulation can know beside it.
-Result<void> writePage(const std::string& path, const fs::path& case_file, const ProcedureRun& run,
-                       Progress& progress) {
-    const auto store = CaseStore::open(case_file, CaseStore::Access::read);
+// The case's own report, with what only a simulation can know beside it, as a page and as pictures for the archive;
+// either may be asked for. What was written goes into `told`.
+Result<void> writePages(const ReportRequest& request, const std::vector<StageFigures>& figures, Progress& progress,
+                        Report& told) {
+    if (request.report.empty() && request.captures.empty()) return {};
+    const auto store = CaseStore::open(request.case_file, CaseStore::Access::read);
     if (!store) return store.error();
     auto page = fluorocut::reportOf(*store, progress);
     if (!page) return page.error();
-    for (std::size_t n = 0; n < page->stages.size() && n < run.stages.size(); ++n)
-        page->stages[n].truth = reportOffset(run.stages[n].truth);
-    const auto text = html(*page);
-    if (!text) return text.error();
-    return writeWhole(path, *text);
+    for (std::size_t n = 0; n < page->stages.size() && n < figures.size(); ++n)
+        page->stages[n].truth = reportOffset(figures[n].truth);
+    if (!request.report.empty()) {
+        if (auto written = writeReport(request.report, *page); !written) return written;
+        told.json["report"] = request.report;
+        told.line("report", request.report);
+    }
+    if (!request.captures.empty()) {
+        const auto names = writeCaptures(request.captures, *page, request.patient_id);
+        if (!names) return names.error();
+        told.json["captures"] = {{"folder", request.captures}, {"files", *names}};
+        told.line("captures", fmt::format("{} DICOM pictures in {}", names->size(), request.captures));
+    }
+    return {};
+}
+
+Result<void> checkPages(const std::string& report, const std::string& captures, const std::vector<fs::path>& inputs) {
+    if (!report.empty()) {
+        if (auto good = checkOutput(report, inputs, {".html", ".pdf"}); !good) return good;
+    }
+    return captures.empty() ? Result<void>() : requireNewFolder(captures);
 }
 
 // A line on stderr for each step and stage.
@@ -167,9 +186,7 @@ Result<Report> runProcedureRequest(const ProcedureRequest& request, Progress& pr
     if (!request.case_file.empty()) {
         if (auto good = checkOutput(request.case_file, inputs, {".fluorocut", ".case"}); !good) return good.error();
     }
-    if (!request.report.empty()) {
-        if (auto good = checkOutput(request.report, inputs, {".html"}); !good) return good.error();
-    }
+    if (auto good = checkPages(request.report, request.captures, inputs); !good) return good.error();
     const TemporaryFolder folder;
     if (request.case_file.empty() && folder.path().empty())
         return outputFailed("temporary folder", "one that cannot be made", "free the disk, or give --case");
@@ -178,15 +195,23 @@ Result<Report> runProcedureRequest(const ProcedureRequest& request, Progress& pr
     const Stopwatch watch;
     const auto run = runProcedure(request.scenario, case_file, progress, narrator(watch));
     if (!run) return run.error();
-    if (!request.report.empty()) {
-        if (auto written = writePage(request.report, case_file, *run, Progress::none()); !written)
-            return written.error();
-    }
     Report report = reportOf(request, *run, watch.ms());
-    if (!request.report.empty()) {
-        report.json["report"] = request.report;
-        report.line("report", request.report);
-    }
+    if (auto written = writePages({case_file.string(), request.report, request.captures, {}}, run->stages,
+                                  Progress::none(), report);
+        !written)
+        return written.error();
+    return report;
+}
+
+Result<Report> runReportRequest(const ReportRequest& request, Progress& progress) {
+    if (auto good = checkPages(request.report, request.captures, {request.case_file}); !good) return good.error();
+    SubProgress looking(progress, 0, 0.7), writing(progress, 0.7, 1);
+    const auto run = lookAtProcedure(request.case_file, looking);
+    if (!run) return run.error();
+    Report report;
+    report.json = {{"case", request.case_file}, {"simulated", run->has_value()}};
+    auto written = writePages(request, *run ? (*run)->stages : std::vector<StageFigures>(), writing, report);
+    if (!written) return written.error();
     return report;
 }
 
