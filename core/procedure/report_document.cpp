@@ -157,6 +157,12 @@ std::string triple(const Vector3& v, int digits) {
     return fmt::format("{:.{}f}, {:.{}f}, {:.{}f}", v.x(), digits, v.y(), digits, v.z(), digits);
 }
 
+std::string sigmaText(const ReportPose& pose) {
+    if (!pose.sigma_mm || !pose.sigma_deg) return "not known";
+    if (*pose.sigma_mm == 0 && *pose.sigma_deg == 0) return "exact";
+    return fmt::format("{:.3f} mm, {:.3f}°", *pose.sigma_mm, *pose.sigma_deg);
+}
+
 ReportSection poseSection(const ProcedureReport& report) {
     ReportTable table{{{"Pose"}, {"from"}, {"place, mm", true}, {"rotation vector, degrees", true}, {"1 σ", true}}, {}};
     for (const ReportPose& pose : report.poses) {
@@ -165,9 +171,8 @@ ReportSection poseSection(const ProcedureReport& report) {
             {{pose.name},
              {pose.from},
              {triple(m.translation(), 2)},
-             {triple(logRotation(m.rotation()).unaryExpr([](double rad) { return degreesFromRadians(rad); }), 3)},
-             {pose.sigma_mm && pose.sigma_deg ? fmt::format("{:.3f} mm, {:.3f}°", *pose.sigma_mm, *pose.sigma_deg)
-                                              : "not known"}});
+             {triple(logRotation(m.rotation()).unaryExpr([](double rad) { return degreesFromRadians(rad); }), 2)},
+             {sigmaText(pose)}});
     }
     return {"Poses", {std::move(table)}};
 }

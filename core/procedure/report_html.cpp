@@ -82,8 +82,8 @@ std::string base64(std::string_view bytes) {
     return out;
 }
 
-Result<std::string> pngOf(const Image& image) {
-    const Result<Image> grey = reportGrey(image);
+Result<std::string> pngOf(const ReportPicture& picture) {
+    const Result<Image> grey = reportGrey(picture);
     if (!grey) return grey.error();
     ImageWriteOptions options;
     options.type = PixelType::uint8;
@@ -92,7 +92,7 @@ Result<std::string> pngOf(const Image& image) {
 }
 
 Result<std::string> figure(const ReportPicture& picture) {
-    const Result<std::string> png = pngOf(picture.image);
+    const Result<std::string> png = pngOf(picture);
     if (!png) return png.error();
     std::string curves;
     for (const ReportCurve& curve : picture.curves) {

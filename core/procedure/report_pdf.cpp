@@ -188,6 +188,7 @@ class Pages {
             canvas_.line(kLeft, y_, kLeft + kAcross, y_, kReportLine, look ? 0.9 : 0.5);
         };
         bool begun = false;
+        need(std::min<double>(3, static_cast<double>(table.rows.size())) * 16 + 24);  // no single row at a page's end
         for (const std::vector<ReportCell>& row : table.rows) {
             const double height = rowOf(row, table, widths, std::nullopt, false);
             const double with_head = titled && !begun ? rowOf(head, table, widths, kHead, false) : 0;
@@ -270,7 +271,7 @@ class Pages {
             const double height = rowHeight(pictures, first);
             need(height);
             for (std::size_t i = first; i < std::min(first + 2, pictures.size()); ++i) {
-                const Result<Image> grey = reportGrey(pictures[i].image);
+                const Result<Image> grey = reportGrey(pictures[i]);
                 if (!grey) return grey.error();
                 const double x = kLeft + static_cast<double>(i - first) * (kPicture + kBetween);
                 canvas_.picture(*grey, pictures[i].curves, x, y_, kPicture, 0.9);

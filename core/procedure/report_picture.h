@@ -9,8 +9,9 @@
 
 namespace fluorocut {
 
-// As a C-arm's monitor shows it (core/imaging/display_picture.h), 0 to 255. invalidInput: no pixels.
-Result<Image> reportGrey(const Image& levels);
+// As a C-arm's monitor shows it (core/imaging/display_picture.h), 0 to 255, with the contrast set by what lies about
+// the curves: an intensifier's dark corners and the open beam take none of it. invalidInput: no pixels.
+Result<Image> reportGrey(const ReportPicture& picture);
 
 // The picture with its contours, its key and these lines burned in, for programs that show nothing but pixels. Enlarged
 // by a whole number so that lines and letters are sharp: at least 1024 pixels wide.

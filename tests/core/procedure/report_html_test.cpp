@@ -100,7 +100,7 @@ TEST(ReportHtml, PicturesLieInItWithTheirContours) {
     const Result<Image> decoded = imageFrom("picture.png", bytes);
     ASSERT_OK(decoded);
     ASSERT_EQ(decoded->width(), 7);
-    const Result<Image> shown = reportGrey(picture.image);
+    const Result<Image> shown = reportGrey(picture);
     ASSERT_OK(shown);
     for (int x = 0; x < 7; ++x)
         EXPECT_NEAR((*decoded)(x, 2), (*shown)(x, 2), 0.51) << x;  // rounded

@@ -183,7 +183,7 @@ TEST(BurnedIn, ShowsPictureContourAndWords) {
     ASSERT_OK(drawn);
     ASSERT_EQ(drawn->width(), 1024);  // 16 times as large
     ASSERT_GT(drawn->height(), 768);  // the strip below
-    const auto grey = reportGrey(shown.image);
+    const auto grey = reportGrey(shown);
     ASSERT_OK(grey);
     // Inside the pixel (30, 30), away from lines: its own grey.
     const auto& inside = (*drawn)(30 * 16 + 8, 30 * 16 + 8);
@@ -200,6 +200,20 @@ TEST(BurnedIn, ShowsPictureContourAndWords) {
         for (int x = 0; x < drawn->width(); ++x)
             white += (*drawn)(x, y)[0] > 200;
     EXPECT_GT(white, 300);  // letters
+}
+
+// An intensifier's corners are darker than any bone, the open beam is brighter: neither takes contrast from what
+// matters.
+TEST(ReportGrey, GivesItsContrastToWhatLiesAboutTheCurves) {
+    ReportPicture shown{"ap", Image(200, 200, 1.0F), {}};  // corners: hardly a photon
+    for (int y = 40; y < 160; ++y)
+        for (int x = 20; x < 180; ++x)
+            shown.image(x, y) = x < 60 ? 20000.0F : (x / 10 % 2 == 0 ? 1000.0F : 1300.0F);  // beam; bone and flesh
+    shown.curves.push_back({ReportCurve::Kind::planned, {{100, 80}, {120, 120}}});
+    const auto grey = reportGrey(shown);
+    ASSERT_OK(grey);
+    EXPECT_GT((*grey)(115, 100) - (*grey)(105, 100), 60);  // 30 % more photons are a quarter of the scale or more
+    EXPECT_GT((*grey)(30, 100), 200);
 }
 
 TEST(Captures, OneStudyTwoSeriesAndTheSameUidsAgain) {
